@@ -5,6 +5,8 @@
 pub mod camera;
 mod rigid3;
 mod similarity3;
+pub mod triangulation;
+pub mod two_view;
 
 pub use rigid3::Rigid3;
 pub use similarity3::Similarity3;

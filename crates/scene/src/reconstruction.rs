@@ -133,23 +133,11 @@ impl Reconstruction {
     pub fn reprojection_error_px(&self, point: &Point, observation: Observation) -> f64 {
         let image = &self.images[observation.image as usize];
         let in_cam = image.cam_from_world.transform_point(point.position);
-        match self.cameras[image.camera].project(in_cam) {
-            Some(px) => (px - image.keypoints_px[observation.keypoint as usize]).length(),
-            None => f64::INFINITY,
-        }
+        self.cameras[image.camera].reprojection_error_px(in_cam, image.keypoints_px[observation.keypoint as usize])
     }
 
     /// Number of observations of all points.
     pub fn num_observations(&self) -> usize {
         self.points.iter().map(|p| p.observations.len()).sum()
-    }
-
-    /// Mean over observations of the stored point errors weighted by track length, as COLMAP reports it.
-    pub fn mean_reprojection_error_px(&self) -> f64 {
-        let known = self.points.iter().filter(|p| p.error_px >= 0.0);
-        let (sum, n) = known.fold((0.0, 0usize), |(s, n), p| {
-            (s + p.error_px * p.observations.len() as f64, n + p.observations.len())
-        });
-        if n == 0 { 0.0 } else { sum / n as f64 }
     }
 }

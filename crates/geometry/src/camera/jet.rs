@@ -117,6 +117,10 @@ impl<T: Real, const N: usize> Scalar for Jet<T, N> {
         self.value.to_f64()
     }
     #[inline(always)]
+    fn lowest(self) -> f64 {
+        self.value.to_f64()
+    }
+    #[inline(always)]
     fn sqrt(self) -> Self {
         let root = self.value.sqrt();
         self.chain(root, T::from_f64(0.5) / root)

@@ -1,19 +1,22 @@
-//! SIMPLE_RADIAL (2) and RADIAL (3): polynomial radial distortion on the plane z = 1.
+//! SIMPLE_RADIAL (2) and RADIAL (3): polynomial radial distortion; also the polynomial of the fisheye models 5, 8, 9.
 
 use super::scalar::Scalar;
 
-/// `f, cx, cy, k`.
+/// Scales a point by `1 + k₁r² + k₂r⁴ + …`, with as many coefficients as given (source: `algorithms.md` §3.5).
+/// For fisheye models the point is in angle space, so that `r` is the angle from the axis.
 #[inline(always)]
-pub(super) fn simple<T: Scalar>(params: &[T], x: T, y: T) -> [T; 2] {
+pub(super) fn distort<T: Scalar>(k: &[T], x: T, y: T) -> [T; 2] {
     let r2 = x * x + y * y;
-    let factor = params[0] * (T::constant(1.0) + params[3] * r2);
-    [factor * x + params[1], factor * y + params[2]]
+    let factor = T::constant(1.0) + polynomial(k, r2);
+    [factor * x, factor * y]
 }
 
-/// `f, cx, cy, k1, k2`.
+/// `k₁s + k₂s² + …` by Horner's rule.
 #[inline(always)]
-pub(super) fn radial<T: Scalar>(params: &[T], x: T, y: T) -> [T; 2] {
-    let r2 = x * x + y * y;
-    let factor = params[0] * (T::constant(1.0) + r2 * (params[3] + params[4] * r2));
-    [factor * x + params[1], factor * y + params[2]]
+pub(super) fn polynomial<T: Scalar>(k: &[T], s: T) -> T {
+    let mut sum = T::constant(0.0);
+    for &coefficient in k.iter().rev() {
+        sum = (sum + coefficient) * s;
+    }
+    sum
 }

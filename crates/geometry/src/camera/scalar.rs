@@ -17,8 +17,10 @@ pub trait Scalar:
 {
     /// A constant: no derivative, no change.
     fn constant(value: f64) -> Self;
-    /// The value alone, for branches.
+    /// The value alone, without derivatives; of two states, the one before.
     fn value(self) -> f64;
+    /// The smallest value the number stands for, for domain checks; of two states, the smaller one.
+    fn lowest(self) -> f64;
     /// Square root.
     fn sqrt(self) -> Self;
     /// Sine.
@@ -62,6 +64,10 @@ macro_rules! real {
             }
             #[inline(always)]
             fn value(self) -> f64 {
+                self as f64
+            }
+            #[inline(always)]
+            fn lowest(self) -> f64 {
                 self as f64
             }
             #[inline(always)]

@@ -1,0 +1,395 @@
+//! All stages in order: the graph-wide ones once, the others component by component, largest first.
+
+use std::collections::VecDeque;
+
+use epipole_scene::statistics::Statistics;
+use epipole_scene::{Reconstruction, ViewGraph};
+
+use crate::component::Component;
+use crate::correspondences::CorrespondenceGraph;
+use crate::error::MapperError;
+use crate::event::{Event, Observer, Stage};
+use crate::options::Options;
+use crate::report::{ComponentReport, ImageReport, Report, StageTime, UnregisteredReason};
+use crate::stages::finish::ImageSource;
+use crate::stages::refine::Adjustment;
+use crate::stages::rotation::RotationComponent;
+use crate::stages::{calibrate, finish, position, refine, relative_pose, retriangulate, rotation, tracks};
+
+/// What a run leaves.
+#[derive(Debug)]
+pub struct Outcome {
+    /// One reconstruction a component, largest first.
+    pub reconstructions: Vec<Reconstruction>,
+    /// What happened.
+    pub report: Report,
+}
+
+/// Reconstructs every component of a view graph.
+///
+/// After the observer asks to stop, the component at hand is filtered and kept if its cameras already have positions,
+/// the others are left out, and the report says so.
+pub fn reconstruct(
+    mut graph: ViewGraph,
+    options: &Options,
+    mut images: Option<&mut dyn ImageSource>,
+    observer: &mut dyn Observer,
+) -> Result<Outcome, MapperError> {
+    if graph.images.len() < 2 {
+        return Err(MapperError::TooFewImages(graph.images.len()));
+    }
+    let mut run = Run { observer, stages: Vec::new(), warnings: Vec::new() };
+    let mut reasons = Reasons::of_graph(&graph);
+
+    run.stage(Stage::Calibrate, 0, |observer| {
+        let summary = calibrate::run(&mut graph, &options.calibrate, observer)?;
+        Ok(((), summary.to_string()))
+    })?;
+    run.stage(Stage::RelativePose, 0, |observer| {
+        let summary =
+            relative_pose::run(&mut graph, &options.relative_pose, options.matches, options.seed, observer)?;
+        Ok(((), summary.to_string()))
+    })?;
+    if graph.pairs.is_empty() {
+        return Err(MapperError::NoPairs {
+            min_inliers: options.relative_pose.min_inliers,
+            hint: "match more pairs, or lower relative_pose.min_inliers in a settings file".into(),
+        });
+    }
+    reasons.after_relative_poses(&graph);
+    let rotations = run.stage(Stage::Rotation, 0, |observer| {
+        let rotations = rotation::run(&graph, &options.rotation, observer)?;
+        let summary = rotations.to_string();
+        Ok((rotations, summary))
+    })?;
+    reasons.after_rotations(&rotations, options.min_component_images);
+
+    let correspondences = CorrespondenceGraph::new(&graph, &rotations.kept_pairs);
+    let mut finished = Vec::new();
+    let mut parts: VecDeque<RotationComponent> = rotations.components.iter().cloned().collect();
+    while let Some(part) = parts.pop_front() {
+        if part.images.len() < options.min_component_images {
+            continue;
+        }
+        if run.observer.should_stop() {
+            reasons.set(part.images.iter().map(|&(i, _)| i), &UnregisteredReason::Stopped);
+            continue;
+        }
+        let number = finished.len();
+        let built = reconstruct_component(
+            &graph, &part, &rotations, &correspondences, options, number, &mut images, &mut run, &mut reasons, &mut parts,
+        );
+        match built {
+            Ok((component, report)) => {
+                let (images, points) = (component.reconstruction.images.len(), component.reconstruction.points.len());
+                run.observer.event(&Event::ComponentFinished { component: number, images, points });
+                for &image in &component.graph_image {
+                    reasons.0[image] = None;
+                }
+                finished.push((component, report));
+            }
+            Err(MapperError::Stopped) => {
+                reasons.set(part.images.iter().map(|&(i, _)| i), &UnregisteredReason::Stopped);
+            }
+            Err(e) => {
+                let message = e.to_string();
+                run.warn(format!("a component of {} images could not be reconstructed: {message}", part.images.len()));
+                reasons.set(
+                    part.images.iter().map(|&(i, _)| i),
+                    &UnregisteredReason::ComponentFailed { message },
+                );
+            }
+        }
+    }
+    let stopped = run.observer.should_stop();
+    if finished.is_empty() {
+        return Err(match stopped {
+            true => MapperError::Stopped,
+            false => MapperError::NothingReconstructed(match run.warnings.last() {
+                Some(why) => why.clone(),
+                None => format!(
+                    "the largest has {} images, fewer than min_component_images = {}",
+                    rotations.components.first().map_or(0, |c| c.images.len()),
+                    options.min_component_images
+                ),
+            }),
+        });
+    }
+    // Filtering can turn the order of sizes round; the folders are numbered by what is left.
+    finished.sort_by_key(|(component, _)| std::cmp::Reverse(component.reconstruction.images.len()));
+    let report = Report {
+        version: env!("CARGO_PKG_VERSION"),
+        options: options.clone(),
+        num_images: graph.images.len(),
+        num_registered: finished.iter().map(|(c, _)| c.reconstruction.images.len()).sum(),
+        stopped,
+        components: finished.iter().map(|(_, report)| report.clone()).collect(),
+        images: image_reports(&graph, &finished, &reasons),
+        stages: run.stages,
+        warnings: run.warnings,
+    };
+    Ok(Outcome { reconstructions: finished.into_iter().map(|(c, _)| c.reconstruction).collect(), report })
+}
+
+/// Tracks to finish, for one component.
+fn reconstruct_component(
+    graph: &ViewGraph,
+    part: &RotationComponent,
+    rotations: &rotation::Rotations,
+    correspondences: &CorrespondenceGraph,
+    options: &Options,
+    number: usize,
+    images: &mut Option<&mut dyn ImageSource>,
+    run: &mut Run<'_>,
+    reasons: &mut Reasons,
+    parts: &mut VecDeque<RotationComponent>,
+) -> Result<(Component, ComponentReport), MapperError> {
+    let mut component = Component::new(graph, &part.images);
+    let tracks = run.stage(Stage::Tracks, number, |observer| {
+        let mut in_component = vec![false; graph.images.len()];
+        for &(i, _) in &part.images {
+            in_component[i] = true;
+        }
+        let tracks = tracks::run(graph, &in_component, &rotations.kept_pairs, &options.tracks, observer)?;
+        let summary = format!("{} tracks, {} observations", tracks.len(), tracks.observations.len());
+        Ok((tracks, summary))
+    })?;
+    if tracks.is_empty() {
+        return Err(MapperError::NothingReconstructed(
+            "no keypoint is matched across three or more images; match more pairs of each image".into(),
+        ));
+    }
+    let positioned = run.stage(Stage::Position, number, |observer| {
+        let positioned = position::run(graph, &tracks, &mut component, &options.position, observer)?;
+        let summary = format!(
+            "{} of {} observations kept, {:.1} % within 1°",
+            component.reconstruction.num_observations(),
+            positioned.observations,
+            100.0 * positioned.report.kept().quality.agreeing_share
+        );
+        Ok((positioned, summary))
+    })?;
+    drop(tracks);
+    reasons.set(positioned.without_tracks.iter().copied(), &UnregisteredReason::NoTracks);
+    for group in &positioned.left_over {
+        let is_in = |image: usize| group.binary_search(&image).is_ok();
+        let rest = part.images.iter().copied().filter(|&(image, _)| is_in(image)).collect();
+        reasons.set(group.iter().copied(), &UnregisteredReason::SmallComponent { images: group.len() });
+        parts.push_back(RotationComponent { images: rest });
+    }
+    reasons.set(component.graph_image.iter().copied(), &UnregisteredReason::NoObservationsLeft);
+    let refined = run.stage(Stage::Refine, number, |observer| {
+        let summary = refine::run(&mut component, options.intrinsics, &options.refine, observer)?;
+        let text = format!(
+            "{} solves, {} iterations, {} of {} observations kept",
+            summary.solves, summary.iterations, summary.observations_after, summary.observations_before
+        );
+        Ok((summary, text))
+    })?;
+    let kept = refined.observations_after as f64 / positioned.observations.max(1) as f64;
+    // global-positioning.md §5: failed runs kept 4 %, doubtful ones 10–30 %.
+    if kept < 0.1 {
+        return Err(MapperError::NothingReconstructed(format!(
+            "bundle adjustment kept only {:.1} % of the observations; the matches contradict each other",
+            100.0 * kept
+        )));
+    }
+    if kept < 0.3 {
+        run.warn(format!(
+            "component {number}: bundle adjustment kept only {:.0} % of the observations; check the result",
+            100.0 * kept
+        ));
+    }
+    if options.retriangulate.enabled && !run.observer.should_stop() {
+        run.stage(Stage::Retriangulate, number, |observer| {
+            let summary = retriangulated(correspondences, &mut component, options, observer)?;
+            Ok(((), summary))
+        })?;
+    }
+    run.stage(Stage::Finish, number, |observer| {
+        let source = images.as_mut().map(|i| &mut **i as &mut dyn ImageSource);
+        let summary = finish::run(&mut component, source, &options.finish, observer)?;
+        Ok(((), summary.to_string()))
+    })?;
+    let reconstruction = &component.reconstruction;
+    if reconstruction.images.len() < options.min_component_images {
+        return Err(MapperError::NothingReconstructed(format!(
+            "only {} images still observe points after filtering",
+            reconstruction.images.len()
+        )));
+    }
+    let statistics = Statistics::of(reconstruction);
+    let report = ComponentReport {
+        images: statistics.images,
+        points: statistics.points,
+        observations: statistics.observations,
+        mean_reprojection_error_px: statistics.mean_reprojection_error_px,
+        mean_track_length: statistics.mean_track_length,
+        positioning_ok_share: positioned.report.kept().quality.agreeing_share,
+        positioning_ok_share_worst_camera: positioned.report.kept().quality.worst_camera_share,
+        observations_kept_share: kept,
+    };
+    Ok((component, report))
+}
+
+/// Retriangulation with its adjustments, then the last adjustment and filters.
+fn retriangulated(
+    correspondences: &CorrespondenceGraph,
+    component: &mut Component,
+    options: &Options,
+    observer: &mut dyn Observer,
+) -> Result<String, MapperError> {
+    let adjustment = Adjustment {
+        stage: Stage::Retriangulate,
+        rotations_fixed: false,
+        intrinsics: options.intrinsics,
+        relative_decrease_tolerance: options.refine.relative_decrease_tolerance,
+    };
+    let mut adjust = |component: &mut Component, observer: &mut dyn Observer| {
+        refine::adjust(component, &adjustment, &options.refine, observer)?;
+        epipole_scene::normalize::normalize(&mut component.reconstruction);
+        Ok(())
+    };
+    let summary =
+        retriangulate::run(correspondences, component, &options.retriangulate, options.seed, &mut adjust, observer)?;
+    refine::final_filter(component, &options.refine);
+    let last = Adjustment {
+        relative_decrease_tolerance: options.refine.final_relative_decrease_tolerance,
+        ..adjustment
+    };
+    refine::adjust(component, &last, &options.refine, observer)?;
+    epipole_scene::normalize::normalize(&mut component.reconstruction);
+    refine::final_filter(component, &options.refine);
+    Ok(summary.to_string())
+}
+
+/// The observer with the bookkeeping of the report.
+struct Run<'a> {
+    observer: &'a mut dyn Observer,
+    stages: Vec<StageTime>,
+    warnings: Vec<String>,
+}
+
+impl Run<'_> {
+    fn stage<T>(
+        &mut self,
+        stage: Stage,
+        component: usize,
+        work: impl FnOnce(&mut dyn Observer) -> Result<(T, String), MapperError>,
+    ) -> Result<T, MapperError> {
+        self.observer.event(&Event::StageStarted { stage, component });
+        let start = self.observer.now_seconds();
+        let (result, summary) = work(&mut Recorder { inner: self.observer, warnings: &mut self.warnings })?;
+        let seconds = self.observer.now_seconds() - start;
+        self.observer.event(&Event::StageFinished { stage, component, seconds, summary: summary.clone() });
+        self.stages.push(StageTime { stage, component, seconds, summary });
+        Ok(result)
+    }
+
+    fn warn(&mut self, message: String) {
+        self.observer.event(&Event::Warning { message: message.clone() });
+        self.warnings.push(message);
+    }
+}
+
+/// Keeps the warnings of a stage for the report while passing every event on.
+struct Recorder<'a> {
+    inner: &'a mut dyn Observer,
+    warnings: &'a mut Vec<String>,
+}
+
+impl Observer for Recorder<'_> {
+    fn event(&mut self, event: &Event) {
+        if let Event::Warning { message } = event {
+            self.warnings.push(message.clone());
+        }
+        self.inner.event(event);
+    }
+
+    fn should_stop(&self) -> bool {
+        self.inner.should_stop()
+    }
+
+    fn now_seconds(&self) -> f64 {
+        self.inner.now_seconds()
+    }
+}
+
+/// Why each image of the graph is not posed, as far as is known; `None` once it is.
+struct Reasons(Vec<Option<UnregisteredReason>>);
+
+impl Reasons {
+    fn of_graph(graph: &ViewGraph) -> Self {
+        let mut best: Vec<Option<usize>> = vec![None; graph.images.len()];
+        for pair in &graph.pairs {
+            for image in [pair.image1, pair.image2] {
+                best[image] = Some(best[image].unwrap_or(0).max(pair.inliers.len()));
+            }
+        }
+        let reason = |(image, best): (&epipole_scene::ViewImage, Option<usize>)| match best {
+            _ if image.keypoints_px.is_empty() => UnregisteredReason::NoKeypoints,
+            Some(best) => UnregisteredReason::WeakPairs { best },
+            None => UnregisteredReason::NoPairs,
+        };
+        Self(graph.images.iter().zip(best).map(|i| Some(reason(i))).collect())
+    }
+
+    fn set(&mut self, images: impl Iterator<Item = usize>, reason: &UnregisteredReason) {
+        for image in images {
+            self.0[image] = Some(reason.clone());
+        }
+    }
+
+    /// The pairs left in the graph are the usable ones.
+    fn after_relative_poses(&mut self, graph: &ViewGraph) {
+        let images = graph.pairs.iter().flat_map(|p| [p.image1, p.image2]);
+        self.set(images, &UnregisteredReason::InconsistentRotations);
+    }
+
+    fn after_rotations(&mut self, rotations: &rotation::Rotations, min_images: usize) {
+        for part in &rotations.components {
+            let images = part.images.len();
+            if images < min_images {
+                self.set(part.images.iter().map(|&(i, _)| i), &UnregisteredReason::SmallComponent { images });
+            }
+        }
+    }
+}
+
+fn image_reports(
+    graph: &ViewGraph,
+    finished: &[(Component, ComponentReport)],
+    reasons: &Reasons,
+) -> Vec<ImageReport> {
+    let mut reports: Vec<ImageReport> = graph
+        .images
+        .iter()
+        .zip(&reasons.0)
+        .map(|(image, reason)| ImageReport {
+            id: image.id,
+            name: image.name.clone(),
+            component: None,
+            points: 0,
+            mean_reprojection_error_px: None,
+            unregistered: reason.clone(),
+        })
+        .collect();
+    for (number, (component, _)) in finished.iter().enumerate() {
+        let reconstruction = &component.reconstruction;
+        let mut sums = vec![(0usize, 0.0f64); reconstruction.images.len()];
+        for point in &reconstruction.points {
+            for &o in &point.observations {
+                let sum = &mut sums[o.image as usize];
+                sum.0 += 1;
+                sum.1 += reconstruction.reprojection_error_px(point, o);
+            }
+        }
+        for (&image, (points, error)) in component.graph_image.iter().zip(sums) {
+            let report = &mut reports[image];
+            report.component = Some(number);
+            report.points = points;
+            report.mean_reprojection_error_px = (points > 0).then(|| error / points as f64);
+        }
+    }
+    reports
+}

@@ -1,0 +1,192 @@
+//! Residuals and derivatives at a state, one row per observation, and the products that everything else is made of.
+//!
+//! With rotations updated in the world frame, `dr = J_p (δX − δC + ω'×t) + J_k δk` where `t = X − C`: the derivative by
+//! the whole pose follows from `J_p` and `t` (source: `scale.md` §4).
+
+use epipole_geometry::camera::{MAX_PARAMS, Real};
+
+use super::point_block::{Triangle, fold_row, has_full_rank};
+use super::projection::Side;
+use super::small::{Vec3, add, cross, dot, rotate, row_times, to_f64};
+use super::state::{Cameras, Lattice, Points};
+use super::structure::Structure;
+use crate::active::ActiveSet;
+use crate::loss::Loss;
+use crate::parallel;
+
+/// Points that one piece of work covers: fixed, so that sums do not depend on the number of threads.
+pub(super) const POINT_GROUP: usize = 256;
+/// A pose block and all parameters of its camera.
+pub(super) const MAX_BLOCK: usize = 6 + MAX_PARAMS;
+
+/// An observation's derivatives, multiplied by √w; all zero where it is inactive.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Row<T> {
+    /// By the point, 2 × 3.
+    pub(super) point: [Vec3<T>; 2],
+    /// X − C in the world frame.
+    pub(super) ray: Vec3<T>,
+    /// The residual.
+    pub(super) residual: [T; 2],
+}
+
+/// A point's undamped block, in `f64` whatever the rows are: the reduced matrix stays positive definite only if its two
+/// parts, `J_cᵀJ_c` and `E Eᵀ`, come from the same rows to more digits than the damping has.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PointBlock {
+    pub(super) triangle: Triangle<f64>,
+    /// `J_pᵀ r`.
+    pub(super) gradient: Vec3<f64>,
+    /// Whether the point moves: at least two active observations that fix it.
+    pub(super) free: bool,
+}
+
+/// The linearised problem.
+#[derive(Clone, Debug)]
+pub(super) struct Linearization<T> {
+    pub(super) rows: Vec<Row<T>>,
+    /// By the refined parameters: per observation 2 × `stride`.
+    pub(super) params: Vec<T>,
+    pub(super) stride: usize,
+    pub(super) points: Vec<PointBlock>,
+}
+
+impl<T: Real> Row<T> {
+    const EMPTY: Self = Self { point: [[T::ZERO; 3]; 2], ray: [T::ZERO; 3], residual: [T::ZERO; 2] };
+
+    /// `J_pᵀ e`.
+    #[inline(always)]
+    pub(super) fn point_transposed(&self, e: [f64; 2]) -> Vec3<f64> {
+        std::array::from_fn(|k| self.point[0][k].to_f64() * e[0] + self.point[1][k].to_f64() * e[1])
+    }
+
+    /// `J_p y`.
+    #[inline(always)]
+    pub(super) fn point_product(&self, y: &Vec3<f64>) -> [f64; 2] {
+        self.point.map(|row| dot(&to_f64(row), y))
+    }
+}
+
+impl<T: Real> Linearization<T> {
+    pub(super) fn new(structure: &Structure) -> Self {
+        let observations = structure.image.len();
+        let block = PointBlock { triangle: [0.0; 6], gradient: [0.0; 3], free: false };
+        Self {
+            rows: vec![Row::EMPTY; observations],
+            params: vec![T::ZERO; observations * 2 * structure.param_stride],
+            stride: structure.param_stride,
+            points: vec![block; structure.num_points()],
+        }
+    }
+
+    /// Evaluates every row at a state whose residuals are known.
+    pub(super) fn update(
+        &mut self,
+        structure: &Structure,
+        lattice: &Lattice,
+        cameras: &Cameras<T>,
+        points: &Points<T>,
+        residual: &[[T; 2]],
+        active: &ActiveSet,
+        loss: Loss,
+        side: Side,
+    ) {
+        let stride = self.stride;
+        let groups = PointGroups::new(structure);
+        let rows = parallel::split_mut(&mut self.rows, &groups.observations(1));
+        let params = parallel::split_mut(&mut self.params, &groups.observations(2 * stride));
+        let blocks = parallel::split_mut(&mut self.points, &groups.points);
+        let mut pieces: Vec<_> = rows.into_iter().zip(params).zip(blocks).collect();
+        parallel::for_each_mut(&mut pieces, |g, ((rows, params), blocks)| {
+            let first = structure.track(groups.points[g]).start;
+            for (block, p) in blocks.iter_mut().zip(groups.points[g]..) {
+                *block = PointBlock { triangle: [0.0; 6], gradient: [0.0; 3], free: false };
+                let mut count = 0;
+                for o in structure.track(p) {
+                    let local = o - first;
+                    let params = &mut params[local * 2 * stride..(local + 1) * 2 * stride];
+                    params.fill(T::ZERO);
+                    rows[local] = Row::EMPTY;
+                    if !active.is_active(o) {
+                        continue;
+                    }
+                    let i = structure.image[o] as usize;
+                    let c = structure.camera[i] as usize;
+                    let view = &cameras.views[i];
+                    let ray = lattice.difference(&points.offset[p], points.cell(p), &view.center, &view.center_cell);
+                    let q = rotate(&view.rotation, &ray);
+                    let params_of_view = &cameras.view_params[c];
+                    let Some(projection) = side.differentiate(structure.model[c], params_of_view, q) else { continue };
+                    let r = residual[o];
+                    let weight = loss.weight((r[0] * r[0] + r[1] * r[1]).to_f64());
+                    let root = T::from_f64(weight.sqrt());
+                    let row = &mut rows[local];
+                    row.ray = ray;
+                    for k in 0..2 {
+                        row.point[k] = row_times(&projection.d_point[k], &view.rotation).map(|v| v * root);
+                        row.residual[k] = r[k] * root;
+                        let wide = to_f64(row.point[k]);
+                        fold_row(&mut block.triangle, wide);
+                        block.gradient = add(&block.gradient, &wide.map(|v| v * row.residual[k].to_f64()));
+                        for (slot, &param) in params[k * stride..].iter_mut().zip(&structure.free_params[c]) {
+                            *slot = projection.d_params[k][param as usize] * root;
+                        }
+                    }
+                    count += 1;
+                }
+                block.free = !structure.fixed_points && count >= 2 && has_full_rank(&block.triangle);
+            }
+        });
+    }
+
+    /// Derivatives by the parameters of an observation's camera, both rows.
+    #[inline(always)]
+    pub(super) fn param_rows(&self, o: usize, count: usize) -> [&[T]; 2] {
+        let start = o * 2 * self.stride;
+        [&self.params[start..start + count], &self.params[start + self.stride..start + self.stride + count]]
+    }
+
+    /// `J_c x` for a pose step (world rotation, centre) and a parameter step.
+    #[inline(always)]
+    pub(super) fn camera_product(&self, o: usize, pose: &([T; 3], [T; 3]), params: &[T]) -> [T; 2] {
+        let row = &self.rows[o];
+        let moved = cross(&pose.0, &row.ray);
+        let moved = [moved[0] - pose.1[0], moved[1] - pose.1[1], moved[2] - pose.1[2]];
+        let by_params = self.param_rows(o, params.len());
+        std::array::from_fn(|k| {
+            let mut sum = dot(&row.point[k], &moved);
+            for (a, b) in by_params[k].iter().zip(params) {
+                sum += *a * *b;
+            }
+            sum
+        })
+    }
+
+    /// `J_cᵀ e`: by the world rotation and by the centre.
+    #[inline(always)]
+    pub(super) fn pose_transposed(&self, o: usize, e: [f64; 2]) -> ([f64; 3], [f64; 3]) {
+        let row = &self.rows[o];
+        let g = row.point_transposed(e);
+        (cross(&to_f64(row.ray), &g), g.map(|v| -v))
+    }
+}
+
+/// Points cut into groups of fixed size.
+#[derive(Debug)]
+pub(super) struct PointGroups<'a> {
+    structure: &'a Structure,
+    /// Group `g` covers points `points[g]..points[g + 1]`.
+    pub(super) points: Vec<usize>,
+}
+
+impl<'a> PointGroups<'a> {
+    pub(super) fn new(structure: &'a Structure) -> Self {
+        let count = structure.num_points();
+        Self { structure, points: (0..count).step_by(POINT_GROUP).chain([count]).collect() }
+    }
+
+    /// Where the groups' observations begin, in an array with `width` entries per observation.
+    pub(super) fn observations(&self, width: usize) -> Vec<usize> {
+        self.points.iter().map(|&p| self.structure.track_start[p] as usize * width).collect()
+    }
+}

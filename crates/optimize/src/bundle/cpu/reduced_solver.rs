@@ -1,0 +1,121 @@
+//! Choosing and running the solver of the reduced system.
+
+use std::sync::Arc;
+
+use epipole_geometry::camera::Real;
+
+use super::elimination::{DampedPoint, subtract_points};
+use super::implicit::ImplicitOperator;
+use super::linearization::Linearization;
+use super::normal::CameraNormal;
+use super::structure::Structure;
+use crate::bundle::options::{Options, Solver};
+use crate::error::OptimizeError;
+use crate::reduced::{BlockJacobi, BlockMatrix, BlockPattern, Cholesky, LinearOperator, PcgOptions, pcg};
+
+/// Block products per second of the assembly, on one core (source: `scale.md` §4).
+const PAIRS_PER_SECOND: f64 = 20e6;
+/// Multiply-adds per second of the factorisation (source: `scale.md` §4).
+const FLOPS_PER_SECOND: f64 = 25e9;
+/// Observations per second of one implicit product (source: `scale.md` §4).
+const OBSERVATIONS_PER_SECOND: f64 = 40e6;
+/// Products that one inexact step takes on graphs that suit PCG (source: `scale.md` §5).
+const PCG_PRODUCTS: f64 = 20.0;
+/// Exact steps save iterations: they may cost this much more (source: `scale.md` §5).
+const EXACT_BONUS: f64 = 1.5;
+
+/// A solver with its memory.
+#[derive(Debug)]
+pub(super) struct ReducedSolver {
+    kind: Kind,
+    /// The whole matrix, or its diagonal blocks where it is never formed.
+    matrix: BlockMatrix,
+    pcg: PcgOptions,
+}
+
+#[derive(Debug)]
+enum Kind {
+    Cholesky(Box<Cholesky>),
+    PcgExplicit,
+    PcgImplicit,
+}
+
+impl ReducedSolver {
+    pub(super) fn new(structure: &Structure, options: &Options) -> Result<Self, OptimizeError> {
+        let diagonal = || Arc::new(BlockPattern::diagonal(&structure.layout));
+        let full = || Arc::new(BlockPattern::from_incidence(&structure.layout, &structure.incidence));
+        let (kind, pattern) = match options.solver {
+            Solver::PcgImplicit => (Kind::PcgImplicit, diagonal()),
+            Solver::PcgExplicit => (Kind::PcgExplicit, full()),
+            Solver::Cholesky => {
+                let pattern = full();
+                (Kind::Cholesky(Box::new(Cholesky::new(&pattern)?)), pattern)
+            }
+            Solver::Auto => {
+                let assembly = structure.incidence.num_pairs() as f64 / PAIRS_PER_SECOND;
+                let limit = EXACT_BONUS * PCG_PRODUCTS * structure.image.len() as f64 / OBSERVATIONS_PER_SECOND;
+                // Small problems are not worth a choice: any factor takes less than a tenth of a second.
+                let limit = limit.max(0.1);
+                let exact = if assembly < limit { Some(full()) } else { None };
+                let exact = match exact {
+                    Some(pattern) => {
+                        let cholesky = Cholesky::new(&pattern)?;
+                        let fast = assembly + cholesky.flops() / FLOPS_PER_SECOND < limit;
+                        fast.then_some((Kind::Cholesky(Box::new(cholesky)), pattern))
+                    }
+                    None => None,
+                };
+                exact.unwrap_or_else(|| (Kind::PcgImplicit, diagonal()))
+            }
+        };
+        Ok(Self { kind, matrix: BlockMatrix::zeros(pattern), pcg: options.pcg })
+    }
+
+    /// The camera step and the products it took; `None` where there is no solution.
+    pub(super) fn solve<T: Real>(
+        &mut self,
+        structure: &Structure,
+        linearization: &Linearization<T>,
+        normal: &CameraNormal,
+        damped: &[DampedPoint],
+        lambda: f64,
+        rhs: &[f64],
+    ) -> Option<(Vec<f64>, usize)> {
+        self.matrix.fill_zero();
+        normal.add_to(structure, lambda, &mut self.matrix);
+        subtract_points(structure, linearization, damped, &mut self.matrix);
+        self.matrix.remove_unknowns(&normal.removed);
+        match &mut self.kind {
+            Kind::Cholesky(cholesky) => cholesky.solve(&self.matrix, rhs).ok().map(|x| (x, 1)),
+            Kind::PcgExplicit => {
+                let preconditioner = BlockJacobi::new(&self.matrix);
+                let mut operator = Explicit(&self.matrix);
+                let result = pcg(&mut operator, |r, z| preconditioner.apply(r, z), rhs, &self.pcg);
+                Some((result.x, result.iterations))
+            }
+            Kind::PcgImplicit => {
+                let preconditioner = BlockJacobi::new(&self.matrix);
+                let mut operator = ImplicitOperator {
+                    structure,
+                    linearization,
+                    damped,
+                    normal,
+                    diagonal: normal.added_diagonal(lambda),
+                    lambda,
+                    projected: vec![[T::ZERO; 2]; structure.image.len()],
+                };
+                let result = pcg(&mut operator, |r, z| preconditioner.apply(r, z), rhs, &self.pcg);
+                Some((result.x, result.iterations))
+            }
+        }
+    }
+}
+
+struct Explicit<'a>(&'a BlockMatrix);
+
+impl LinearOperator for Explicit<'_> {
+    fn apply(&mut self, x: &[f64], out: &mut [f64]) -> f64 {
+        self.0.multiply(x, out);
+        x.iter().zip(out.iter()).map(|(a, b)| a * b).sum()
+    }
+}

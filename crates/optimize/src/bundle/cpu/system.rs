@@ -1,0 +1,201 @@
+//! The bundle problem resident on the CPU.
+
+use epipole_geometry::camera::{MAX_PARAMS, Real};
+
+use super::back_substitution::back_substitute;
+use super::camera_step::CameraStep;
+use super::depth_limits::DepthLimits;
+use super::elimination::{DampedPoint, damp_points};
+use super::linearization::Linearization;
+use super::normal::CameraNormal;
+use super::reduced_solver::ReducedSolver;
+use super::small::Vec3;
+use super::state::{Cameras, Lattice, Points};
+use super::structure::Structure;
+use super::trial::{Move, evaluate, try_move};
+use crate::active::ActiveSet;
+use crate::bundle::options::Options;
+use crate::bundle::problem::{ParamPrior, Problem};
+use crate::error::OptimizeError;
+use crate::lm::{Evaluation, Step, System, Trial};
+use crate::loss::Loss;
+
+/// Accepted steps between two evaluations of the residuals from scratch, where they are carried as differences
+/// (source: `solver.md` §5.5).
+const RESIDUAL_REFRESH: usize = 10;
+
+/// A bundle adjustment problem on the CPU, in `f32` or `f64`. The reduced system is always in `f64`.
+#[derive(Debug)]
+pub struct CpuSystem<T: Real> {
+    structure: Structure,
+    lattice: Lattice,
+    loss: Loss,
+    priors: Vec<Vec<ParamPrior>>,
+    depths: DepthLimits,
+    active: ActiveSet,
+    cameras: Cameras<T>,
+    points: Points<T>,
+    /// Residuals at the accepted state, NaN where there is no valid projection.
+    residual: Vec<[T; 2]>,
+    next_cameras: Option<Cameras<T>>,
+    next_points: Vec<Vec3<T>>,
+    next_residual: Vec<[T; 2]>,
+    linearization: Linearization<T>,
+    normal: Option<CameraNormal>,
+    damped: Vec<DampedPoint>,
+    solver: ReducedSolver,
+    accepted: usize,
+    camera_step: Vec<f64>,
+}
+
+impl<T: Real> CpuSystem<T> {
+    /// Checks a problem and makes it resident.
+    pub fn new(problem: &Problem, options: &Options) -> Result<Self, OptimizeError> {
+        problem.validate()?;
+        let structure = Structure::new(problem);
+        let lattice = Lattice::new::<T>(problem, &structure);
+        let cameras = Cameras::new(problem, &lattice);
+        let points = Points::new(problem, &lattice);
+        let depths = DepthLimits::new(problem, &structure, options.activation);
+        let observations = structure.image.len();
+        let mut residual = vec![[T::ZERO; 2]; observations];
+        evaluate(&structure, &lattice, &cameras, &points, &depths, &mut residual);
+        Ok(Self {
+            loss: problem.loss,
+            priors: problem.param_priors.clone(),
+            depths,
+            active: ActiveSet::new(options.activation, problem.loss, observations),
+            next_cameras: None,
+            next_points: points.offset.clone(),
+            next_residual: residual.clone(),
+            linearization: Linearization::new(&structure),
+            normal: None,
+            damped: Vec::new(),
+            solver: ReducedSolver::new(&structure, options)?,
+            accepted: 0,
+            camera_step: Vec::new(),
+            structure,
+            lattice,
+            cameras,
+            points,
+            residual,
+        })
+    }
+
+    /// Writes the accepted state back, and returns its cost evaluated from the written values in `f64`.
+    pub fn write(&self, problem: &mut Problem) -> f64 {
+        self.cameras.write(problem, &self.structure);
+        self.points.write(problem, &self.structure, &self.lattice);
+        let lattice = Lattice { cell: 0.0 };
+        let cameras = Cameras::<f64>::new(problem, &lattice);
+        let points = Points::<f64>::new(problem, &lattice);
+        let mut residual = vec![[0.0; 2]; self.structure.image.len()];
+        evaluate(&self.structure, &lattice, &cameras, &points, &self.depths, &mut residual);
+        let rho = |o: usize| CpuSystem::<f64>::rho(self.loss, &residual[o]);
+        self.active.cost(rho) + prior_cost(&self.priors, &cameras.params, &self.structure)
+    }
+
+    fn prior_cost(&self, cameras: &Cameras<T>) -> f64 {
+        prior_cost(&self.priors, &cameras.params, &self.structure)
+    }
+
+    /// `ρ` of an observation's residual.
+    fn rho(loss: Loss, residual: &[T; 2]) -> f64 {
+        loss.value((residual[0] * residual[0] + residual[1] * residual[1]).to_f64())
+    }
+}
+
+/// `½ Σ ((p − mean)/σ)²` over priors on parameters that may move.
+fn prior_cost(priors: &[Vec<ParamPrior>], params: &[[f64; MAX_PARAMS]], structure: &Structure) -> f64 {
+    let terms = priors.iter().zip(params).zip(&structure.free_params);
+    terms
+        .flat_map(|((priors, params), free)| {
+            let moves = move |p: &&ParamPrior| free.iter().any(|&f| f as usize == p.index);
+            priors.iter().filter(moves).map(|p| 0.5 * ((params[p.index] - p.mean) / p.sigma).powi(2))
+        })
+        .sum()
+}
+
+impl<T: Real> System for CpuSystem<T> {
+    async fn refresh(&mut self) -> Evaluation {
+        let (residual, before, loss) = (&self.residual, &self.next_residual, self.loss);
+        let cost = self.active.update(|o| Self::rho(loss, &residual[o]), |o| Self::rho(loss, &before[o]));
+        Evaluation { cost: cost + self.prior_cost(&self.cameras), active: self.active.count() }
+    }
+
+    async fn linearize(&mut self) {
+        self.linearization.update(
+            &self.structure,
+            &self.lattice,
+            &self.cameras,
+            &self.points,
+            &self.residual,
+            &self.active,
+            self.loss,
+            self.depths.side,
+        );
+        self.normal = Some(CameraNormal::new(&self.structure, &self.linearization, &self.priors, &self.cameras.params));
+    }
+
+    async fn solve(&mut self, lambda: f64) -> Option<Step> {
+        let normal = self.normal.as_ref()?;
+        let (structure, linearization) = (&self.structure, &self.linearization);
+        damp_points(linearization, lambda, &mut self.damped);
+        let damped = &self.damped;
+        let rhs = normal.right_hand_side(structure, linearization, |o| {
+            let row = &linearization.rows[o];
+            let y = &damped[structure.point[o] as usize].newton;
+            let moved = row.point_product(y);
+            std::array::from_fn(|k| row.residual[k].to_f64() - moved[k])
+        });
+        let (x, inner_iterations) = if normal.is_empty() {
+            (vec![0.0; rhs.len()], 0)
+        } else {
+            self.solver.solve(structure, linearization, normal, damped, lambda, &rhs)?
+        };
+        let step = CameraStep::new(structure, &x);
+        let promise =
+            back_substitute(structure, linearization, damped, &step, &self.points.offset, &mut self.next_points);
+        let scaled = x.iter().zip(&normal.diagonal).map(|(x, d)| x.abs() * d.sqrt()).fold(0.0, f64::max);
+        self.next_cameras = Some(self.cameras.stepped(structure, &self.lattice, &x));
+        let predicted_decrease = promise.decrease + normal.prior_decrease(&x);
+        self.camera_step = x;
+        Some(Step { predicted_decrease, inner_iterations, max_scaled_step: promise.max_scaled_step.max(scaled) })
+    }
+
+    async fn try_step(&mut self) -> Trial {
+        let Some(next_cameras) = &self.next_cameras else { return Trial { decrease: f64::NAN } };
+        let state = Move { cameras: &self.cameras, next_cameras, points: &self.points, next_points: &self.next_points };
+        let decrease = try_move(
+            &self.structure,
+            &self.lattice,
+            &state,
+            &self.active,
+            self.loss,
+            &self.depths,
+            &self.residual,
+            &mut self.next_residual,
+        );
+        let priors = self.prior_cost(&self.cameras) - self.prior_cost(next_cameras);
+        Trial { decrease: decrease + priors }
+    }
+
+    async fn accept(&mut self) {
+        let Some(next_cameras) = self.next_cameras.take() else { return };
+        self.cameras = next_cameras;
+        std::mem::swap(&mut self.points.offset, &mut self.next_points);
+        std::mem::swap(&mut self.residual, &mut self.next_residual);
+        self.accepted += 1;
+        if self.lattice.cell != 0.0 {
+            self.points.recell(&self.lattice);
+            if self.accepted.is_multiple_of(RESIDUAL_REFRESH) {
+                let (cameras, points) = (&self.cameras, &self.points);
+                evaluate(&self.structure, &self.lattice, cameras, points, &self.depths, &mut self.residual);
+            }
+        }
+    }
+
+    async fn reject(&mut self) {
+        self.next_cameras = None;
+    }
+}

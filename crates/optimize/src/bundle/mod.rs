@@ -1,0 +1,40 @@
+//! Bundle adjustment: poses, intrinsics and points from pixels (source: `solver.md`, `scale.md`).
+//!
+//! Points are eliminated by Schur complement with Givens QR blocks; the cameras' reduced system is formed and factorised
+//! in `f64`, or solved by PCG without forming it, whichever is estimated to be faster. The gauge is free.
+
+pub mod cpu;
+mod options;
+mod problem;
+mod validate;
+
+use epipole_geometry::camera::Real;
+
+pub use options::{Options, Solver};
+pub use problem::{ParamPrior, PoseFreedom, Problem};
+
+use crate::error::OptimizeError;
+use crate::executor::block_on;
+use crate::lm::{LmReport, Observer, minimize};
+
+/// Solves on the CPU in `f64`. The problem is left at the last accepted state.
+pub fn solve(problem: &mut Problem, options: &Options, observer: &mut dyn Observer) -> Result<LmReport, OptimizeError> {
+    solve_with::<f64>(problem, options, observer)
+}
+
+/// Solves on the CPU with residuals and derivatives in the given scalar; the reduced system is in `f64` in any case.
+/// Costs are reported in `f64`, from the state that is written back.
+pub fn solve_with<T: Real>(
+    problem: &mut Problem,
+    options: &Options,
+    observer: &mut dyn Observer,
+) -> Result<LmReport, OptimizeError> {
+    problem.validate()?;
+    if problem.only_points_move() {
+        return Ok(cpu::solve_points(problem, options, observer));
+    }
+    let mut system = cpu::CpuSystem::<T>::new(problem, options)?;
+    let mut report = block_on(minimize(&mut system, &options.lm, observer));
+    report.final_cost = system.write(problem);
+    Ok(report)
+}

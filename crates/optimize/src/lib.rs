@@ -1,0 +1,18 @@
+//! Nonlinear least squares for structure from motion: one Levenberg–Marquardt loop and the problems it solves.
+//!
+//! Problems are plain data ([`bundle::Problem`]); a system is a problem resident on a device; [`lm::minimize`] drives
+//! any system and knows neither devices nor cameras. Points are eliminated; what is left for the cameras is in
+//! [`reduced`].
+
+pub mod active;
+pub mod bundle;
+mod error;
+pub mod executor;
+pub mod lm;
+pub mod loss;
+pub(crate) mod parallel;
+pub mod positioning;
+pub mod reduced;
+
+pub use error::OptimizeError;
+pub use loss::Loss;

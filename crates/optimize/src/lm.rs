@@ -1,0 +1,253 @@
+//! The Levenberg–Marquardt loop, written once: it sees scalars only and knows neither devices nor cameras.
+
+/// A state's cost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Evaluation {
+    /// `½ Σ ρ` over active observations, plus the charge of the inactive ones.
+    pub cost: f64,
+    /// Observations that count at present.
+    pub active: usize,
+}
+
+/// A step that has been computed but not tried.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// Decrease of the cost that the undamped quadratic model promises.
+    pub predicted_decrease: f64,
+    /// Products with the reduced matrix (1 for a factorisation).
+    pub inner_iterations: usize,
+    /// Largest |step| of an unknown in units of its column scale: the change of the residual vector it alone makes, px.
+    pub max_scaled_step: f64,
+}
+
+/// What a step would do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Trial {
+    /// Cost before minus cost after, on the observations that were active before; not finite to refuse the step.
+    pub decrease: f64,
+}
+
+/// A problem resident on a device. The last accepted state lives in the system, so a stopped solve loses nothing.
+/// All verbs are async, for devices that answer later; nothing but scalars crosses.
+#[allow(async_fn_in_trait)]
+pub trait System {
+    /// Decides which observations are active at the accepted state, and gives its cost.
+    async fn refresh(&mut self) -> Evaluation;
+    /// Residuals, weights and derivatives at the accepted state.
+    async fn linearize(&mut self);
+    /// A step at a damping relative to the diagonal of the normal equations; `None` where the system has no solution.
+    async fn solve(&mut self, lambda: f64) -> Option<Step>;
+    /// The change of the true cost.
+    async fn try_step(&mut self) -> Trial;
+    /// Makes the tried state the accepted one.
+    async fn accept(&mut self);
+    /// Forgets the tried state.
+    async fn reject(&mut self);
+}
+
+/// When to stop, and how to damp.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LmOptions {
+    /// At most this many steps, accepted or not.
+    pub max_iterations: usize,
+    /// Converged when the cost falls by less than this share on two consecutive accepted steps: 1e-7 for accuracy,
+    /// 1e-5 between the rounds of a pipeline (source: `solver.md` §5.7).
+    pub relative_decrease_tolerance: f64,
+    /// Converged when no unknown moves by more than this in units of its column scale, px.
+    pub scaled_step_tolerance: f64,
+    /// First damping: Ceres' trust region radius of 1e4.
+    pub lambda0: f64,
+    /// Smallest damping: keeps the free gauge regular.
+    pub lambda_min: f64,
+    /// Beyond this damping nothing can be gained.
+    pub lambda_max: f64,
+    /// Smallest gain ratio of an accepted step.
+    pub accept_gain: f64,
+}
+
+impl Default for LmOptions {
+    fn default() -> Self {
+        Self {
+            max_iterations: 50,
+            relative_decrease_tolerance: 1e-6,
+            scaled_step_tolerance: 1e-7,
+            lambda0: 1e-4,
+            lambda_min: 1e-8,
+            lambda_max: 1e8,
+            accept_gain: 1e-4,
+        }
+    }
+}
+
+/// Why the loop ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Termination {
+    /// The cost no longer falls.
+    CostConverged,
+    /// The steps are too small to matter.
+    StepConverged,
+    /// No damping gives a better state.
+    DampingLimit,
+    /// The iterations ran out.
+    MaxIterations,
+    /// The observer asked to stop; the last accepted state stands.
+    Stopped,
+    /// No active observation, or nothing that may move.
+    NothingToSolve,
+}
+
+/// One trip round the loop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct IterationRecord {
+    /// From 1.
+    pub iteration: usize,
+    /// Cost of the accepted state after this iteration.
+    pub cost: f64,
+    /// Damping that was used.
+    pub lambda: f64,
+    /// Actual over predicted decrease.
+    pub gain: f64,
+    /// Products with the reduced matrix.
+    pub inner_iterations: usize,
+    /// Active observations after this iteration.
+    pub active: usize,
+    /// Whether the step was taken.
+    pub accepted: bool,
+}
+
+/// What happened.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LmReport {
+    /// Cost at the start.
+    pub initial_cost: f64,
+    /// Cost at the end.
+    pub final_cost: f64,
+    /// Steps tried.
+    pub iterations: usize,
+    /// Steps taken.
+    pub accepted: usize,
+    /// Steps refused.
+    pub rejected: usize,
+    /// Products with the reduced matrix in all.
+    pub inner_iterations: usize,
+    /// Active observations at the end.
+    pub active: usize,
+    /// Why it ended.
+    pub termination: Termination,
+    /// Every iteration.
+    pub history: Vec<IterationRecord>,
+}
+
+/// Watches a solve.
+pub trait Observer {
+    /// Called after every iteration.
+    fn iteration(&mut self, _record: &IterationRecord) {}
+    /// Asked before every iteration.
+    fn should_stop(&self) -> bool {
+        false
+    }
+}
+
+/// Watches nothing.
+impl Observer for () {}
+
+/// Gains above this say no more about the model, and would make the cubic of Nielsen's rule leap.
+const GAIN_CLIP: f64 = 1.5;
+/// A promise below this share of the tolerance is as good as convergence: only rounding is left to gain.
+const NEGLIGIBLE: f64 = 1e-2;
+
+/// Minimises the cost of a system. Damping by Nielsen (1999), as in Ceres: an accepted step divides it by up to 3, each
+/// refused one multiplies it by 2, 4, 8, …
+pub async fn minimize<S: System>(system: &mut S, options: &LmOptions, observer: &mut dyn Observer) -> LmReport {
+    let mut state = system.refresh().await;
+    let mut report = LmReport {
+        initial_cost: state.cost,
+        final_cost: state.cost,
+        iterations: 0,
+        accepted: 0,
+        rejected: 0,
+        inner_iterations: 0,
+        active: state.active,
+        termination: Termination::MaxIterations,
+        history: Vec::new(),
+    };
+    if state.active == 0 {
+        report.termination = Termination::NothingToSolve;
+        return report;
+    }
+    let (mut lambda, mut factor) = (options.lambda0, 2.0);
+    let mut small_decreases = 0;
+    let mut linearized = false;
+    while report.iterations < options.max_iterations {
+        if observer.should_stop() {
+            report.termination = Termination::Stopped;
+            break;
+        }
+        if !linearized {
+            system.linearize().await;
+            linearized = true;
+        }
+        report.iterations += 1;
+        let mut record = IterationRecord {
+            iteration: report.iterations,
+            cost: state.cost,
+            lambda,
+            gain: 0.0,
+            inner_iterations: 0,
+            active: state.active,
+            accepted: false,
+        };
+        let mut end = None;
+        let step = system.solve(lambda).await;
+        let mut decrease = f64::NAN;
+        if let Some(step) = step {
+            record.inner_iterations = step.inner_iterations;
+            report.inner_iterations += step.inner_iterations;
+            if step.max_scaled_step < options.scaled_step_tolerance {
+                end = Some(Termination::StepConverged);
+            } else if step.predicted_decrease.abs() <= NEGLIGIBLE * options.relative_decrease_tolerance * state.cost {
+                end = Some(Termination::CostConverged);
+            }
+            decrease = system.try_step().await.decrease;
+            if step.predicted_decrease > 0.0 && decrease.is_finite() {
+                record.gain = decrease / step.predicted_decrease;
+            }
+        }
+        if record.gain > options.accept_gain {
+            system.accept().await;
+            let before = state.cost;
+            state = system.refresh().await;
+            linearized = false;
+            report.accepted += 1;
+            (record.accepted, record.cost, record.active) = (true, state.cost, state.active);
+            let cubic = 1.0 - (2.0 * record.gain.min(GAIN_CLIP) - 1.0).powi(3);
+            lambda = (lambda * cubic.max(1.0 / 3.0)).max(options.lambda_min);
+            factor = 2.0;
+            let small = decrease <= options.relative_decrease_tolerance * before;
+            small_decreases = if small { small_decreases + 1 } else { 0 };
+            if small_decreases >= 2 {
+                end = end.or(Some(Termination::CostConverged));
+            }
+            if state.active == 0 {
+                end = Some(Termination::NothingToSolve);
+            }
+        } else {
+            system.reject().await;
+            report.rejected += 1;
+            lambda *= factor;
+            factor *= 2.0;
+            if lambda > options.lambda_max {
+                end = end.or(Some(Termination::DampingLimit));
+            }
+        }
+        report.history.push(record);
+        observer.iteration(&record);
+        if let Some(termination) = end {
+            report.termination = termination;
+            break;
+        }
+    }
+    report.final_cost = state.cost;
+    report.active = state.active;
+    report
+}

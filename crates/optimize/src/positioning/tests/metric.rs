@@ -1,0 +1,58 @@
+//! Pinned scales: depths make the world metric.
+
+use super::scene::{KINDS, Kind, Noise, Random, Scene, aligned_error, scene};
+use crate::positioning::{Options, solve};
+
+/// Pins the given share of the observations to the true length times `1 + noise · N(0, 1)`.
+fn pin(scene: &mut Scene, share: f64, noise: f64) {
+    let mut random = Random(21);
+    let mut pins = vec![0.0; scene.problem.observations()];
+    for point in 0..scene.problem.points.len() {
+        for o in scene.problem.track(point) {
+            let length = (scene.points[point] - scene.centers[scene.problem.observation_image[o] as usize]).length();
+            if random.uniform(0.0, 1.0) < share {
+                pins[o] = 1.0 / (length * (1.0 + noise * random.normal()).max(0.3));
+            }
+        }
+    }
+    scene.problem.pinned_scale = Some(pins);
+}
+
+/// Size of the found camera path over the true one.
+fn scale(scene: &Scene) -> f64 {
+    let spread = |v: &[glam::DVec3]| {
+        let mean = v.iter().sum::<glam::DVec3>() / v.len() as f64;
+        let mut distances: Vec<f64> = v.iter().map(|c| (*c - mean).length()).collect();
+        distances.sort_by(f64::total_cmp);
+        distances[distances.len() / 2]
+    };
+    spread(&scene.problem.centers) / spread(&scene.centers)
+}
+
+#[test]
+fn all_pinned_is_linear_and_metric() {
+    for kind in KINDS {
+        let mut scene = scene(kind, Noise::default(), 1);
+        pin(&mut scene, 1.1, 0.0);
+        let report = solve(&mut scene.problem, &Options::default(), &mut ()).unwrap();
+        assert!((scale(&scene) - 1.0).abs() < 1e-5, "{kind:?} {}", scale(&scene));
+        assert!(aligned_error(&scene.problem.centers, &scene.centers).1 < 1e-5);
+        assert!(report.kept().convex.solves <= 3, "exact pins: the first solve is the answer");
+        assert!((report.metric_scale_correction.unwrap() - 1.0).abs() < 1e-5);
+    }
+}
+
+#[test]
+fn some_noisy_depths_give_the_scale_and_steady_an_open_street() {
+    let noise = Noise { ray_rad: 1e-3, rotation_deg: 1.0, outliers: 0.1 };
+    let mut free = scene(Kind::Street, noise, 3);
+    solve(&mut free.problem, &Options::default(), &mut ()).unwrap();
+    let mut pinned = scene(Kind::Street, noise, 3);
+    pin(&mut pinned, 0.3, 0.1);
+    solve(&mut pinned.problem, &Options::default(), &mut ()).unwrap();
+    let (without, _) = aligned_error(&free.problem.centers, &free.centers);
+    let (with, _) = aligned_error(&pinned.problem.centers, &pinned.centers);
+    println!("street without depths {without:.4}, with {with:.4}, scale {:.4}", scale(&pinned));
+    assert!(with < 0.03 && with < 0.5 * without, "{with} {without}");
+    assert!((scale(&pinned) - 1.0).abs() < 0.03, "{}", scale(&pinned));
+}

@@ -1,0 +1,174 @@
+//! Shared by the bundle tests: a reader of BAL files and synthetic scenes with known truth.
+
+#![allow(dead_code, unreachable_pub)]
+
+use std::path::PathBuf;
+
+use epipole_geometry::Rigid3;
+use epipole_geometry::camera::{Camera, CameraModel, MAX_PARAMS};
+use epipole_optimize::bundle::{PoseFreedom, Problem};
+use glam::{DMat3, DQuat, DVec2, DVec3};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+/// A BAL problem, or `None` with a note where there is no shared data.
+pub fn read_bal(name: &str) -> Option<Problem> {
+    let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/bal")).join(name);
+    let Ok(text) = std::fs::read_to_string(&path) else {
+        eprintln!("skipped: no shared data at {}", path.display());
+        return None;
+    };
+    let mut numbers = text.split_ascii_whitespace().map(|w| w.parse::<f64>().expect("a number"));
+    let mut next = move || numbers.next().expect("a complete file");
+    let (images, points, observations) = (next() as usize, next() as usize, next() as usize);
+    let mut rows: Vec<(usize, u32, DVec2)> = (0..observations)
+        .map(|_| {
+            let (image, point) = (next() as u32, next() as usize);
+            (point, image, DVec2::new(next(), -next()))
+        })
+        .collect();
+    rows.sort_by_key(|r| r.0);
+    let mut problem = Problem::default();
+    let flip = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
+    for i in 0..images {
+        let rotation = DQuat::from_scaled_axis(DVec3::new(next(), next(), next()));
+        let translation = DVec3::new(next(), next(), next());
+        let rotation = DQuat::from_mat3(&(flip * DMat3::from_quat(rotation)));
+        problem.cam_from_world.push(Rigid3::new(rotation, flip * translation));
+        let (f, k1, k2) = (next(), next(), next());
+        problem.cameras.push(camera(i as u32, CameraModel::Radial, vec![f, 0.0, 0.0, k1, k2]));
+        problem.image_camera.push(i as u32);
+    }
+    problem.pose_freedom = vec![PoseFreedom::Free; images];
+    let mut refine = [false; MAX_PARAMS];
+    [0, 3, 4].iter().for_each(|&k| refine[k] = true);
+    problem.refine_params = vec![refine; images];
+    problem.param_priors = vec![Vec::new(); images];
+    problem.points = (0..points).map(|_| DVec3::new(next(), next(), next())).collect();
+    problem.track_start = vec![0; points + 1];
+    for (point, image, px) in rows {
+        problem.track_start[point + 1] += 1;
+        problem.observation_image.push(image);
+        problem.observation_px.push(px);
+    }
+    for p in 0..points {
+        problem.track_start[p + 1] += problem.track_start[p];
+    }
+    Some(problem)
+}
+
+pub fn camera(id: u32, model: CameraModel, params: Vec<f64>) -> Camera {
+    Camera { id, model, width_px: 1000, height_px: 1000, params, has_prior_focal: false }
+}
+
+/// Shape of a synthetic scene.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    pub images: usize,
+    pub points: usize,
+    /// Mean track length; observations are spread over a band of neighbouring images.
+    pub track: usize,
+    /// Width of that band in images.
+    pub band: usize,
+    pub noise_px: f64,
+    pub model: CameraModel,
+    pub params: Vec<f64>,
+    pub shared: bool,
+    pub refine: Vec<usize>,
+    pub offset: DVec3,
+    pub seed: u64,
+}
+
+impl Default for Scene {
+    fn default() -> Self {
+        Self {
+            images: 12,
+            points: 300,
+            track: 6,
+            band: 8,
+            noise_px: 0.5,
+            model: CameraModel::SimpleRadial,
+            params: vec![900.0, 500.0, 500.0, 0.05],
+            shared: true,
+            refine: vec![0, 3],
+            offset: DVec3::ZERO,
+            seed: 7,
+        }
+    }
+}
+
+pub fn gauss(rng: &mut Pcg64Mcg) -> f64 {
+    let (u, v): (f64, f64) = (rng.random(), rng.random());
+    (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * v).cos()
+}
+
+pub fn gauss3(rng: &mut Pcg64Mcg) -> DVec3 {
+    DVec3::new(gauss(rng), gauss(rng), gauss(rng))
+}
+
+/// A ring of cameras around a cloud of points, at the truth.
+pub fn ring(scene: &Scene) -> Problem {
+    let mut rng = Pcg64Mcg::seed_from_u64(scene.seed);
+    let mut problem = Problem::default();
+    for i in 0..scene.images {
+        let angle = std::f64::consts::TAU * i as f64 / scene.images as f64;
+        let center = DVec3::new(4.0 * angle.cos(), 0.3 * gauss(&mut rng), 4.0 * angle.sin());
+        let z = (-center + 0.2 * gauss3(&mut rng)).normalize();
+        let x = DVec3::Y.cross(z).normalize();
+        let rotation = DMat3::from_cols(x, z.cross(x), z).transpose();
+        let pose = Rigid3::from_rotation_and_center(DQuat::from_mat3(&rotation), center + scene.offset);
+        problem.cam_from_world.push(pose);
+        problem.image_camera.push(if scene.shared { 0 } else { i as u32 });
+    }
+    let mut refine = [false; MAX_PARAMS];
+    scene.refine.iter().for_each(|&k| refine[k] = true);
+    for c in 0..if scene.shared { 1 } else { scene.images } {
+        problem.cameras.push(camera(c as u32, scene.model, scene.params.clone()));
+        problem.refine_params.push(refine);
+        problem.param_priors.push(Vec::new());
+    }
+    problem.pose_freedom = vec![PoseFreedom::Free; scene.images];
+    problem.track_start.push(0);
+    let mut seen = Vec::new();
+    for _ in 0..scene.points {
+        let point = gauss3(&mut rng).clamp_length_max(1.5) * 0.8 + scene.offset;
+        let first = (rng.random::<f64>() * scene.images as f64) as usize;
+        seen.clear();
+        let length = (scene.track as f64 * (0.5 + rng.random::<f64>())).round().max(2.0) as usize;
+        for _ in 0..length {
+            let i = (first + (rng.random::<f64>() * scene.band as f64) as usize) % scene.images;
+            if !seen.contains(&i) {
+                seen.push(i);
+            }
+        }
+        if seen.len() < 2 {
+            seen.push((seen[0] + 1) % scene.images);
+        }
+        for &i in &seen {
+            let camera = &problem.cameras[problem.image_camera[i] as usize];
+            let px = camera.project(problem.cam_from_world[i].transform_point(point)).expect("in front of the ring");
+            problem.observation_image.push(i as u32);
+            problem.observation_px.push(px + scene.noise_px * DVec2::new(gauss(&mut rng), gauss(&mut rng)));
+        }
+        problem.points.push(point);
+        problem.track_start.push(problem.observation_image.len() as u32);
+    }
+    problem
+}
+
+/// Moves a problem away from its state: rotations in degrees, positions in world units.
+pub fn perturb(problem: &mut Problem, degrees: f64, position: f64, seed: u64) {
+    let mut rng = Pcg64Mcg::seed_from_u64(seed);
+    for (pose, freedom) in problem.cam_from_world.iter_mut().zip(&problem.pose_freedom) {
+        let turn = DQuat::from_scaled_axis(gauss3(&mut rng) * degrees.to_radians());
+        let shift = gauss3(&mut rng) * position;
+        let rotation = if *freedom == PoseFreedom::Free { turn * pose.rotation } else { pose.rotation };
+        let center = if *freedom == PoseFreedom::Fixed { pose.center() } else { pose.center() + shift };
+        if *freedom != PoseFreedom::Fixed {
+            *pose = Rigid3::from_rotation_and_center(rotation, center);
+        }
+    }
+    if !problem.fixed_points {
+        problem.points.iter_mut().for_each(|p| *p += gauss3(&mut rng) * position);
+    }
+}

@@ -1,0 +1,102 @@
+//! `cargo xtask bench`: pycolmap in its own virtual environment, the release build of Epipole, and a Python driver.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use clap::Args;
+
+use crate::error::Error;
+use crate::process::{self, cargo, output, root, target_dir};
+
+/// The peer that all figures are measured against.
+const PEER: &str = "pycolmap==4.2.1";
+
+#[derive(Args)]
+pub(crate) struct Arguments {
+    /// Scenes below the data folder; the three of the speed goals if none is given, `all` for every one.
+    scenes: Vec<String>,
+    /// Threads of both programs.
+    #[arg(long, default_value_t = 2)]
+    threads: usize,
+    /// Runs of each program on each scene; the medians are compared.
+    #[arg(long, default_value_t = 1)]
+    repeats: usize,
+    /// Where the real scenes are.
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+    /// Also bundle adjustment alone, from one perturbed model to the same cost.
+    #[arg(long)]
+    bundle: bool,
+    /// The scene whose model `--bundle` perturbs.
+    #[arg(long, default_value = "bonsai292")]
+    bundle_scene: String,
+    /// Only rotation averaging, on Ellis Island.
+    #[arg(long)]
+    rotations: bool,
+    /// Also write the figures as JSON.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Error> {
+    let data = arguments.data.clone().unwrap_or_else(|| root().join("../shared/data"));
+    if !data.is_dir() {
+        return Err(Error::Missing(format!(
+            "{} is not there; name the folder of the real scenes with --data",
+            data.display()
+        )));
+    }
+    let python = environment()?;
+    if arguments.rotations {
+        return rotations(&python, &data);
+    }
+    process::run(&mut cargo(&["build", "--release", "--package", "epipole"]), "")?;
+    let mut driver = script(&python, "bench.py");
+    driver.arg("--epipole").arg(target_dir().join("release/epipole")).arg("--data").arg(&data);
+    driver.arg("--threads").arg(arguments.threads.to_string()).arg("--repeats").arg(arguments.repeats.to_string());
+    if arguments.scenes.iter().any(|name| name == "all") {
+        driver.arg("--all-scenes");
+    } else if !arguments.scenes.is_empty() {
+        driver.arg("--scenes").args(&arguments.scenes);
+    }
+    if arguments.bundle {
+        driver.args(["--bundle", "--bundle-scene", &arguments.bundle_scene]);
+    }
+    if let Some(path) = &arguments.json {
+        driver.arg("--json").arg(path);
+    }
+    process::run(&mut driver, "")
+}
+
+/// Mean and median rotation error of both on the same edges.
+fn rotations(python: &Path, data: &Path) -> Result<(), Error> {
+    let scene = data.join("rotavg_ellis_island");
+    process::run(script(python, "peer_rotations.py").arg(&scene), "")?;
+    // Ours prints its figures from the test that guards them.
+    let test = ["test", "--release", "--package", "epipole-mapper", "ellis_island", "--", "--nocapture"];
+    process::run(&mut cargo(&test), "")
+}
+
+fn script(python: &Path, name: &str) -> Command {
+    let mut command = Command::new(python);
+    command.arg(root().join("crates/xtask/python").join(name));
+    // The checkout stays clean.
+    command.env("PYTHONDONTWRITEBYTECODE", "1");
+    command
+}
+
+/// The Python of the peer's virtual environment, made on first use.
+fn environment() -> Result<PathBuf, Error> {
+    let folder = target_dir().join("bench-venv");
+    let python = folder.join("bin/python");
+    let has_peer = |python: &Path| output(&python.to_string_lossy(), &["-c", "import pycolmap, numpy"]).is_some();
+    if has_peer(&python) {
+        return Ok(python);
+    }
+    println!("setting up {PEER} in {}", folder.display());
+    let advice = "install Python 3.9 or newer with venv, on Debian `sudo apt-get install python3-venv`";
+    process::run(Command::new("python3").args(["-m", "venv"]).arg(&folder), advice)?;
+    let advice = "PyPI must be reachable once";
+    process::run(Command::new(&python).args(["-m", "pip", "install", "--quiet", PEER, "numpy"]), advice)?;
+    Ok(python)
+}

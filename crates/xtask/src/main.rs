@@ -1,0 +1,54 @@
+//! `cargo xtask …`: everything a script would do, in the language everybody here has.
+
+mod bench;
+mod error;
+mod fixtures;
+mod process;
+mod setup;
+mod test;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// The project's chores.
+#[derive(Parser)]
+#[command(name = "cargo xtask")]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Brings a bare Debian machine to where everything builds; does nothing where that is so already.
+    Setup,
+    /// Formatting, lints and all tests.
+    Test(test::Arguments),
+    /// Makes a synthetic scene with known truth (`cargo xtask synth --help` lists the options).
+    Synth(fixtures::PassedOn),
+    /// Writes the fixture in every broken state and runs `epipole reconstruct` on each.
+    Damage(fixtures::DamageArguments),
+    /// Writes `tests/fixtures` again.
+    Fixtures,
+    /// Measures Epipole against pycolmap on the same inputs, in turn.
+    Bench(bench::Arguments),
+}
+
+fn main() -> ExitCode {
+    let result = match Cli::parse().command {
+        Command::Setup => setup::run(),
+        Command::Test(arguments) => test::run(&arguments),
+        Command::Synth(passed_on) => fixtures::synth(&passed_on),
+        Command::Damage(arguments) => fixtures::damage(&arguments),
+        Command::Fixtures => fixtures::regenerate(),
+        Command::Bench(arguments) => bench::run(&arguments),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("error: {e}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! `cargo xtask test`: the whole suite, in the order in which failures are cheapest.
+
+use std::time::Instant;
+
+use clap::Args;
+
+use crate::error::Error;
+use crate::process::{self, cargo, output};
+
+#[derive(Args)]
+pub(crate) struct Arguments {
+    /// Only the tests: no formatting, no lints.
+    #[arg(long)]
+    quick: bool,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Error> {
+    if !arguments.quick {
+        checked("fmt", &["fmt", "--all", "--check"], "run `cargo fmt --all`")?;
+        let lints = ["clippy", "--workspace", "--all-targets", "--locked", "--", "-D", "warnings"];
+        checked("clippy", &lints, "")?;
+    }
+    step(&["test", "--workspace", "--locked", "--no-fail-fast"], "")
+}
+
+/// A step whose tool may be missing on a machine without rustup's components: then it is left out, loudly.
+fn checked(tool: &str, arguments: &[&str], advice: &str) -> Result<(), Error> {
+    if output("cargo", &[tool, "--version"]).is_none() {
+        println!("LEFT OUT: cargo {tool} is not installed (`rustup component add rustfmt clippy`)");
+        return Ok(());
+    }
+    step(arguments, advice)
+}
+
+fn step(arguments: &[&str], advice: &str) -> Result<(), Error> {
+    let start = Instant::now();
+    process::run(&mut cargo(arguments), advice)?;
+    println!("cargo {} took {:.0} s", arguments[0], start.elapsed().as_secs_f64());
+    Ok(())
+}
