@@ -101,13 +101,13 @@ impl Options {
             Preset::Default => {}
             Preset::Fast => {
                 options.refine.rounds = 2;
-                options.refine.relative_decrease_tolerance = 1e-4;
+                options.refine.relative_decrease_tolerance = 3e-3;
                 options.retriangulate.enabled = false;
             }
             Preset::Accurate => {
                 options.refine.rounds = 4;
-                options.refine.relative_decrease_tolerance = 1e-7;
-                options.refine.final_relative_decrease_tolerance = 1e-9;
+                options.refine.relative_decrease_tolerance = 1e-5;
+                options.refine.final_relative_decrease_tolerance = 1e-8;
             }
         }
         options

@@ -154,7 +154,7 @@ fn synth(arguments: &Synth) -> Result<(), AnyError> {
         graph.pairs.iter().map(|p| p.inliers.len()).sum::<usize>(),
         truth.points.len(),
         truth.num_observations(),
-        truth.mean_reprojection_error_px()
+        Statistics::of(truth).mean_reprojection_error_px
     );
     if let Some(path) = &arguments.bal {
         write_bal(&scene, &BalPerturbation { seed: arguments.seed, ..BalPerturbation::default() }, path)?;

@@ -85,7 +85,9 @@ pub(super) fn apply(problem: &Problem, signs: &Signs, bal: &mut BalProblem) {
         bal.cameras.iter_mut().zip(&problem.cam_from_world).zip(&problem.cameras).zip(signs)
     {
         let unflip = FLIP * turn(sign);
-        let rotation = DQuat::from_mat3(&(unflip * pose.rotation_matrix())).to_scaled_axis();
+        let rotation = DQuat::from_mat3(&(unflip * pose.rotation_matrix()));
+        // Of the two vectors of a rotation, the one of at most half a turn.
+        let rotation = if rotation.w < 0.0 { -rotation } else { rotation }.to_scaled_axis();
         let translation = unflip * pose.translation;
         camera[..3].copy_from_slice(&rotation.to_array());
         camera[3..6].copy_from_slice(&translation.to_array());

@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use epipole_formats::{bal, write_model_binary};
 use epipole_optimize::Loss;
+use epipole_optimize::active::Activation;
 use epipole_optimize::bundle::{Options, Problem, solve_with};
 use epipole_optimize::lm::{IterationRecord, LmOptions, LmReport, Observer, Termination};
 use serde_json::json;
@@ -22,7 +23,7 @@ pub(crate) fn run(args: &BundleArgs) -> Result<(), CliError> {
     let report = if args.problem.is_dir() {
         let mut reconstruction = locate::read(&args.problem, args.json)?;
         let mut problem = from_model::problem(&reconstruction, args.intrinsics)?;
-        let report = solve(&mut problem, args)?;
+        let report = solve(&mut problem, Activation::default(), args)?;
         if let Some(out) = &args.output {
             from_model::apply(&problem, &mut reconstruction);
             write_model_binary(out, &reconstruction).map_err(CliError::Output)?;
@@ -31,7 +32,8 @@ pub(crate) fn run(args: &BundleArgs) -> Result<(), CliError> {
     } else {
         let mut bal = bal::read_bal(&args.problem).map_err(CliError::Input)?;
         let (mut problem, flips) = from_bal::problem(&bal)?;
-        let report = solve(&mut problem, args)?;
+        // BAL's formula holds behind the camera, too, and its published costs count every observation.
+        let report = solve(&mut problem, Activation::All, args)?;
         if let Some(out) = &args.output {
             from_bal::apply(&problem, &flips, &mut bal);
             bal::write_bal(out, &bal).map_err(CliError::Output)?;
@@ -62,14 +64,14 @@ fn check(args: &BundleArgs) -> Result<(), CliError> {
     Ok(())
 }
 
-fn solve(problem: &mut Problem, args: &BundleArgs) -> Result<LmReport, CliError> {
+fn solve(problem: &mut Problem, activation: Activation, args: &BundleArgs) -> Result<LmReport, CliError> {
     problem.loss = args.huber.map_or(Loss::Squared, Loss::Huber);
     let lm = LmOptions {
         max_iterations: args.max_iterations,
         relative_decrease_tolerance: args.tolerance,
         ..LmOptions::default()
     };
-    let options = Options { lm, ..Options::default() };
+    let options = Options { lm, activation, ..Options::default() };
     let start = Instant::now();
     let mut watch = Watch { json: args.json };
     let report = match args.precision {

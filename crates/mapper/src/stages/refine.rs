@@ -35,9 +35,10 @@ pub struct Options {
     pub settled_share: f64,
     /// Levenberg–Marquardt iterations at most, per solve.
     pub max_iterations: usize,
-    /// Stop of the intermediate solves: relative decrease of the cost. The next filter moves the optimum by far more.
+    /// Stop of the intermediate solves: relative decrease of the cost. The next filter moves the optimum by far more: from
+    /// 1e-4 to 1e-3 no scene's AUC@1 changed by more than 0.1, or 0.5 on the ill-conditioned colmap2017_db.
     pub relative_decrease_tolerance: f64,
-    /// Stop of the last solve.
+    /// Stop of the last solve (COLMAP: 1e-5).
     pub final_relative_decrease_tolerance: f64,
     /// With `intrinsics: prior`: standard deviation of the focal length relative to its prior.
     /// EXIF focal lengths of fixed lenses are good to about a percent, guesses to a few tens.
@@ -59,8 +60,8 @@ impl Default for Options {
             min_track_length: 3,
             settled_share: 1e-3,
             max_iterations: 50,
-            relative_decrease_tolerance: 1e-4,
-            final_relative_decrease_tolerance: 1e-6,
+            relative_decrease_tolerance: 1e-3,
+            final_relative_decrease_tolerance: 1e-5,
             prior_focal_sigma: 0.02,
             guessed_focal_sigma: 0.2,
             prior_distortion_sigma: 0.1,

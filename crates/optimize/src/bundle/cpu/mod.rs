@@ -15,6 +15,8 @@ mod small;
 mod state;
 mod structure;
 mod system;
+#[cfg(test)]
+mod tests;
 mod trial;
 
 pub(super) use points_only::solve_points;
