@@ -232,11 +232,8 @@ pub fn run(
         while round < options.rounds {
             let factor = (options.rounds as f64 - round as f64).clamp(1.0, 3.0);
             round += 1;
-            filtered += filter::filter_normalized(
-                &mut component.reconstruction,
-                factor * options.max_normalized_error,
-            )
-            .observations;
+            filtered += filter::filter_normalized(&mut component.reconstruction, factor * options.max_normalized_error)
+                .observations;
             if filtered as f64 > options.settled_share * component.reconstruction.points.len() as f64 {
                 break;
             }
@@ -251,8 +248,5 @@ pub fn run(
 /// The filters that end bundle adjustment.
 pub fn final_filter(component: &mut Component, options: &Options) {
     filter::filter_normalized(&mut component.reconstruction, options.max_normalized_error);
-    filter::filter_triangulation_angle(
-        &mut component.reconstruction,
-        options.min_triangulation_angle_deg.to_radians(),
-    );
+    filter::filter_triangulation_angle(&mut component.reconstruction, options.min_triangulation_angle_deg.to_radians());
 }
