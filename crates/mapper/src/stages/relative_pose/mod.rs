@@ -48,6 +48,7 @@ impl Default for Options {
         Self {
             // COLMAP's `min_num_matches` of its database cache (algorithms.md §2.1).
             min_inliers: 15,
+            // The error of a pose falls with the root of the matches: at 1000 it is far below the disagreement of pairs.
             max_matches: 1000,
             // GLOMAP's filters after its own relative poses (algorithms.md §2.3).
             min_inliers_raw: 30,
