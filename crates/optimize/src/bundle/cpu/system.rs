@@ -28,8 +28,8 @@ const RESIDUAL_REFRESH: usize = 10;
 /// curvature along themselves hold for the next step as well. Further away weights alone converge faster and surer.
 const NEAR: f64 = 0.05;
 /// Least curvature along a residual relative to that across it, near the optimum. The tail then falls by 4 an iteration
-/// instead of 2.5 (bonsai292, Huber 1 px); at 0.1 steps overshoot and are refused.
-const RADIAL_FLOOR: f64 = 0.35;
+/// instead of 2.5 (bonsai292, Huber 1 px); at 0.35 some steps overshoot and are refused, at 0.1 most.
+const RADIAL_FLOOR: f64 = 0.5;
 
 /// A bundle adjustment problem on the CPU, in `f32` or `f64`. The reduced system is always in `f64`.
 #[derive(Debug)]
@@ -211,5 +211,10 @@ impl<T: Real> System for CpuSystem<T> {
     async fn reject(&mut self) {
         self.next_cameras = None;
         self.refused = true;
+        if self.radial_floor < 1.0 && self.loss != Loss::Squared {
+            // Not the damping but the curvature was too small: weights alone give a good step at once.
+            self.radial_floor = 1.0;
+            self.linearize().await;
+        }
     }
 }
