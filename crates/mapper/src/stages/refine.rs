@@ -136,6 +136,9 @@ pub fn adjust(
     let mut lm_options = bundle::Options::default();
     lm_options.lm.max_iterations = options.max_iterations;
     lm_options.lm.relative_decrease_tolerance = adjustment.relative_decrease_tolerance;
+    // A second small step confirms convergence; before another filter or another round there is nothing to confirm.
+    let is_final = adjustment.relative_decrease_tolerance <= options.final_relative_decrease_tolerance;
+    lm_options.lm.small_decreases = if is_final { 2 } else { 1 };
     let mut forward = Forward { stage: adjustment.stage, observer };
     let report = bundle::solve(&mut problem, &lm_options, &mut forward)?;
     for (image, pose) in reconstruction.images.iter_mut().zip(&problem.cam_from_world) {
