@@ -1,4 +1,5 @@
-//! The 3 × 3 block of a point, by Givens rotations: backward stable in `f32`, where a Cholesky factor of `JᵀJ` is not.
+//! The 3 × 3 block of a point, by QR of its rows: backward stable in `f32`, where a Cholesky factor of `JᵀJ` is not.
+//! Whole points go through modified Gram–Schmidt, single rows and the damping through Givens rotations.
 //!
 //! Source: `solver.md` §1.3 b. `R` is upper triangular, stored `[r00, r01, r02, r11, r12, r22]`, with `RᵀR = J_pᵀJ_p`.
 
