@@ -10,6 +10,7 @@ mod event;
 mod options;
 mod parallel;
 mod pipeline;
+mod reasons;
 mod report;
 pub mod stages;
 

@@ -10,7 +10,8 @@ use crate::correspondences::CorrespondenceGraph;
 use crate::error::MapperError;
 use crate::event::{Event, Observer, Stage};
 use crate::options::Options;
-use crate::report::{ComponentReport, ImageReport, Report, StageTime, UnregisteredReason};
+use crate::reasons::{Reasons, image_reports};
+use crate::report::{ComponentReport, Report, StageTime, UnregisteredReason};
 use crate::stages::finish::ImageSource;
 use crate::stages::refine::Adjustment;
 use crate::stages::rotation::RotationComponent;
@@ -93,9 +94,7 @@ pub fn reconstruct(
             Ok((component, report)) => {
                 let (images, points) = (component.reconstruction.images.len(), component.reconstruction.points.len());
                 run.observer.event(&Event::ComponentFinished { component: number, images, points });
-                for &image in &component.graph_image {
-                    reasons.0[image] = None;
-                }
+                reasons.clear(&component.graph_image);
                 finished.push((component, report));
             }
             Err(MapperError::Stopped) => {
@@ -318,79 +317,4 @@ impl Observer for Recorder<'_> {
     fn now_seconds(&self) -> f64 {
         self.inner.now_seconds()
     }
-}
-
-/// Why each image of the graph is not posed, as far as is known; `None` once it is.
-struct Reasons(Vec<Option<UnregisteredReason>>);
-
-impl Reasons {
-    fn of_graph(graph: &ViewGraph) -> Self {
-        let mut best: Vec<Option<usize>> = vec![None; graph.images.len()];
-        for pair in &graph.pairs {
-            for image in [pair.image1, pair.image2] {
-                best[image] = Some(best[image].unwrap_or(0).max(pair.inliers.len()));
-            }
-        }
-        let reason = |(image, best): (&epipole_scene::ViewImage, Option<usize>)| match best {
-            _ if image.keypoints_px.is_empty() => UnregisteredReason::NoKeypoints,
-            Some(best) => UnregisteredReason::WeakPairs { best },
-            None => UnregisteredReason::NoPairs,
-        };
-        Self(graph.images.iter().zip(best).map(|i| Some(reason(i))).collect())
-    }
-
-    fn set(&mut self, images: impl Iterator<Item = usize>, reason: &UnregisteredReason) {
-        for image in images {
-            self.0[image] = Some(reason.clone());
-        }
-    }
-
-    /// The pairs left in the graph are the usable ones.
-    fn after_relative_poses(&mut self, graph: &ViewGraph) {
-        let images = graph.pairs.iter().flat_map(|p| [p.image1, p.image2]);
-        self.set(images, &UnregisteredReason::InconsistentRotations);
-    }
-
-    fn after_rotations(&mut self, rotations: &rotation::Rotations, min_images: usize) {
-        for part in &rotations.components {
-            let images = part.images.len();
-            if images < min_images {
-                self.set(part.images.iter().map(|&(i, _)| i), &UnregisteredReason::SmallComponent { images });
-            }
-        }
-    }
-}
-
-fn image_reports(graph: &ViewGraph, finished: &[(Component, ComponentReport)], reasons: &Reasons) -> Vec<ImageReport> {
-    let mut reports: Vec<ImageReport> = graph
-        .images
-        .iter()
-        .zip(&reasons.0)
-        .map(|(image, reason)| ImageReport {
-            id: image.id,
-            name: image.name.clone(),
-            component: None,
-            points: 0,
-            mean_reprojection_error_px: None,
-            unregistered: reason.clone(),
-        })
-        .collect();
-    for (number, (component, _)) in finished.iter().enumerate() {
-        let reconstruction = &component.reconstruction;
-        let mut sums = vec![(0usize, 0.0f64); reconstruction.images.len()];
-        for point in &reconstruction.points {
-            for &o in &point.observations {
-                let sum = &mut sums[o.image as usize];
-                sum.0 += 1;
-                sum.1 += reconstruction.reprojection_error_px(point, o);
-            }
-        }
-        for (&image, (points, error)) in component.graph_image.iter().zip(sums) {
-            let report = &mut reports[image];
-            report.component = Some(number);
-            report.points = points;
-            report.mean_reprojection_error_px = (points > 0).then(|| error / points as f64);
-        }
-    }
-    reports
 }

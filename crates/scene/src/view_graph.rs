@@ -30,22 +30,8 @@ pub struct ViewImage {
     pub keypoints_px: Arc<[DVec2]>,
 }
 
-/// How COLMAP's geometric verification labelled a pair; the discriminant is COLMAP's `config`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(i32)]
-#[allow(missing_docs)]
-pub enum PairConfig {
-    Undefined = 0,
-    Degenerate = 1,
-    Calibrated = 2,
-    Uncalibrated = 3,
-    Planar = 4,
-    Panoramic = 5,
-    PlanarOrPanoramic = 6,
-    Watermark = 7,
-    Multiple = 8,
-    CalibratedRig = 9,
-}
+/// How geometric verification labelled a pair.
+pub use epipole_geometry::two_view::TwoViewConfig as PairConfig;
 
 /// Intrinsics that the two-view solver itself estimated; they, not the image's camera, explain `E` and the pose.
 pub type PairCamera = Camera;

@@ -117,13 +117,16 @@ def bench_bundle(arguments, work):
     _, peaks["peer"] = child.python("peer_bundle.py", model, arguments.threads, on_line=peer_line)
     # Ceres counts its preprocessing in the total; only the building of the problem comes on top.
     traces["peer"] = [(cost, seconds + offset[0]) for cost, seconds in peer]
-    ours = []
+    # Ours counts from the moment the model has been read, as the peer's does.
+    ours, read = [], [0.0]
 
     def our_line(text, seconds):
         event = json.loads(text)
+        if event["event"] == "read":
+            read[0] = seconds
         cost = event.get("cost", event.get("final_cost"))
         if cost is not None:
-            ours.append((float(cost), seconds))
+            ours.append((float(cost), seconds - read[0]))
 
     command = [arguments.epipole, "bundle", model, "--threads", str(arguments.threads), "--json"]
     _, peaks["ours"] = child.run(command, our_line)

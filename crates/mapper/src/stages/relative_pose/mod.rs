@@ -8,10 +8,9 @@
 use epipole_geometry::Rigid3;
 use epipole_geometry::camera::Camera;
 use epipole_geometry::two_view::{
-    PoseSource, RansacOptions, RelativePoseOptions, TwoViewConfig, TwoViewOptions, estimate_two_view,
-    relative_pose_from_geometry,
+    PoseSource, RansacOptions, RelativePoseOptions, TwoViewOptions, estimate_two_view, relative_pose_from_geometry,
 };
-use epipole_scene::{Pair, PairConfig, ViewGraph};
+use epipole_scene::{Pair, ViewGraph};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
@@ -147,7 +146,7 @@ pub fn run(
                 summary.estimated += 1;
                 let raw = pair.matches.as_deref().unwrap_or_default();
                 pair.inliers = geometry.inliers.iter().filter_map(|&m| raw.get(m as usize).copied()).collect();
-                pair.config = pair_config(geometry.config);
+                pair.config = geometry.config;
                 pair.cam2_from_cam1 = geometry.cam2_from_cam1;
                 pair.essential = geometry.essential;
                 pair.fundamental = geometry.fundamental;
@@ -176,7 +175,7 @@ fn find(graph: &ViewGraph, pair: &Pair, options: &Options, matches: Matches, see
     {
         return verify_raw(graph, pair, raw, options, seed);
     }
-    let config = two_view_config(pair.config);
+    let config = pair.config;
     if !config.has_pose() || pair.inliers.len() < options.min_inliers {
         return Found::Weak;
     }
@@ -273,36 +272,6 @@ pub(super) fn focal_change(a: &Camera, b: &Camera) -> f64 {
 fn pair_seed(graph: &ViewGraph, pair: &Pair, seed: u64) -> u64 {
     let ids = (u64::from(graph.images[pair.image1].id) << 32) | u64::from(graph.images[pair.image2].id);
     seed ^ ids.wrapping_mul(0x9e37_79b9_7f4a_7c15)
-}
-
-fn two_view_config(config: PairConfig) -> TwoViewConfig {
-    match config {
-        PairConfig::Undefined => TwoViewConfig::Undefined,
-        PairConfig::Degenerate => TwoViewConfig::Degenerate,
-        PairConfig::Calibrated => TwoViewConfig::Calibrated,
-        PairConfig::Uncalibrated => TwoViewConfig::Uncalibrated,
-        PairConfig::Planar => TwoViewConfig::Planar,
-        PairConfig::Panoramic => TwoViewConfig::Panoramic,
-        PairConfig::PlanarOrPanoramic => TwoViewConfig::PlanarOrPanoramic,
-        PairConfig::Watermark => TwoViewConfig::Watermark,
-        PairConfig::Multiple => TwoViewConfig::Multiple,
-        PairConfig::CalibratedRig => TwoViewConfig::CalibratedRig,
-    }
-}
-
-fn pair_config(config: TwoViewConfig) -> PairConfig {
-    match config {
-        TwoViewConfig::Undefined => PairConfig::Undefined,
-        TwoViewConfig::Degenerate => PairConfig::Degenerate,
-        TwoViewConfig::Calibrated => PairConfig::Calibrated,
-        TwoViewConfig::Uncalibrated => PairConfig::Uncalibrated,
-        TwoViewConfig::Planar => PairConfig::Planar,
-        TwoViewConfig::Panoramic => PairConfig::Panoramic,
-        TwoViewConfig::PlanarOrPanoramic => PairConfig::PlanarOrPanoramic,
-        TwoViewConfig::Watermark => PairConfig::Watermark,
-        TwoViewConfig::Multiple => PairConfig::Multiple,
-        TwoViewConfig::CalibratedRig => PairConfig::CalibratedRig,
-    }
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use epipole_geometry::camera::CameraModel;
+use epipole_scene::PairConfig;
 use epipole_scene::ViewImage;
 use glam::{DQuat, DVec3};
 use rand::{RngExt, SeedableRng};
