@@ -8,6 +8,8 @@ pub mod active;
 pub mod bundle;
 mod error;
 pub mod executor;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod lm;
 pub mod loss;
 pub(crate) mod parallel;
