@@ -12,7 +12,40 @@ macro_rules! shaders {
     };
 }
 
-shaders!["common/dispatch.wgsl", "common/probe.wgsl", "common/reduce.wgsl", "common/tree.wgsl"];
+shaders![
+    "bundle/back_substitute.wgsl",
+    "bundle/block.wgsl",
+    "bundle/change_camera.wgsl",
+    "bundle/change_point.wgsl",
+    "bundle/commit_camera.wgsl",
+    "bundle/commit_point.wgsl",
+    "bundle/damp_point.wgsl",
+    "bundle/linearize_camera.wgsl",
+    "bundle/linearize_point.wgsl",
+    "bundle/pcg.wgsl",
+    "bundle/pcg_start.wgsl",
+    "bundle/pcg_step.wgsl",
+    "bundle/precondition_camera.wgsl",
+    "bundle/precondition_factor.wgsl",
+    "bundle/product_camera.wgsl",
+    "bundle/product_point.wgsl",
+    "bundle/refresh.wgsl",
+    "bundle/reweight.wgsl",
+    "bundle/row.wgsl",
+    "bundle/scale_camera.wgsl",
+    "bundle/segment_tree.wgsl",
+    "bundle/step_camera.wgsl",
+    "bundle/topology.wgsl",
+    "bundle/trial.wgsl",
+    "bundle/types.wgsl",
+    "bundle/vectors.wgsl",
+    "common/dispatch.wgsl",
+    "common/loss.wgsl",
+    "common/perspective.wgsl",
+    "common/probe.wgsl",
+    "common/reduce.wgsl",
+    "common/tree.wgsl",
+];
 
 const IMPORT: &str = "#import ";
 

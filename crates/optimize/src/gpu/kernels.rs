@@ -1,5 +1,9 @@
 //! The one table of kernels: whatever runs on a device is listed here, and a test holds the shaders to it.
 
+mod bundle;
+
+pub use bundle::*;
+
 /// How a kernel uses a buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
@@ -62,4 +66,26 @@ pub const REDUCE: Kernel = Kernel {
 };
 
 /// Every kernel.
-pub const KERNELS: &[Kernel] = &[PROBE, REDUCE];
+pub const KERNELS: &[Kernel] = &[
+    PROBE,
+    REFRESH,
+    REWEIGHT,
+    LINEARIZE_POINT,
+    LINEARIZE_CAMERA,
+    SCALE_CAMERA,
+    DAMP_POINT,
+    PRECONDITION_CAMERA,
+    PRECONDITION_FACTOR,
+    PCG_START,
+    PRODUCT_POINT,
+    PRODUCT_CAMERA,
+    PCG_STEP,
+    STEP_CAMERA,
+    CHANGE_CAMERA,
+    BACK_SUBSTITUTE,
+    CHANGE_POINT,
+    TRIAL,
+    COMMIT_CAMERA,
+    COMMIT_POINT,
+    REDUCE,
+];
