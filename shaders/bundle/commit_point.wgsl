@@ -35,5 +35,5 @@ fn commit_point(
     let target_cell = clamp(point_cell(point) + vec3i(cells), vec3i(0), vec3i(1023));
     let offset = point.s - params.cell * vec3f(target_cell - point_cell(point));
     let packed = vec3u(target_cell);
-    points[p] = Point(offset.x, offset.y, offset.z, packed.x | packed.y << 10u | packed.z << 20u, vec3f(), 0.0);
+    points[p] = Point(offset.x, offset.y, offset.z, packed.x | (packed.y << 10u) | (packed.z << 20u), vec3f(), 0.0);
 }

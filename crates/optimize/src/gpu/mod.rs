@@ -11,7 +11,7 @@ mod error;
 pub mod kernels;
 mod pipelines;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 pub use buffers::ReadBack;
 pub use device::{Device, Limits};

@@ -10,6 +10,8 @@ mod layout;
 mod records;
 mod resident;
 mod system;
+#[cfg(test)]
+mod twin;
 mod write;
 
 pub use system::GpuSystem;
