@@ -10,6 +10,7 @@ use epipole_formats::{ReadOptions, read_database, read_model};
 use epipole_mapper::{Intrinsics, Options, Outcome};
 use epipole_scene::Reconstruction;
 use epipole_scene::evaluate::Evaluation;
+use epipole_scene::statistics::Statistics;
 use epipole_tests::shared_data;
 
 /// Reconstructs a scene with the defaults and compares the largest component with `truth`.
@@ -28,7 +29,7 @@ fn evaluated(scene: &str, truth: &str, intrinsics: Intrinsics) -> Option<(Outcom
         auc.at_3,
         auc.at_5,
         auc.at_10,
-        outcome.reconstructions[0].mean_reprojection_error_px()
+        Statistics::of(&outcome.reconstructions[0]).mean_reprojection_error_px
     );
     Some((outcome, found))
 }
@@ -98,6 +99,6 @@ fn bonsai292() {
     let model = &outcome.reconstructions[0];
     assert_eq!(model.images.len(), 292);
     assert!(found.auc_all.at_5 >= 97.0, "AUC@5 {}", found.auc_all.at_5);
-    let error = model.mean_reprojection_error_px();
+    let error = Statistics::of(model).mean_reprojection_error_px;
     assert!(error <= 0.41, "{error} px");
 }

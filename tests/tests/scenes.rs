@@ -2,6 +2,7 @@
 
 use epipole_geometry::camera::CameraModel;
 use epipole_scene::PairConfig;
+use epipole_scene::statistics::Statistics;
 use epipole_tests::synth::{FocalKnowledge, Kind, Options, Scene, StoredPoses, generate};
 
 const KINDS: [Kind; 4] = [Kind::Orbit, Kind::Street, Kind::Facade, Kind::Internet];
@@ -29,10 +30,10 @@ fn the_truth_explains_the_keypoints() {
     for kind in KINDS {
         let scene = make(Options { kind, num_images: 12, num_points: 1500, noise_px: 0.5, ..Options::default() });
         // The mean length of a normal 2-vector with σ = 0.5 px is 0.5 √(π/2) = 0.627 px.
-        let error = scene.truth.mean_reprojection_error_px();
+        let error = Statistics::of(&scene.truth).mean_reprojection_error_px;
         assert!((0.6..0.65).contains(&error), "{kind:?}: {error} px");
         let exact = make(Options { kind, num_images: 12, num_points: 300, noise_px: 0.0, ..Options::default() });
-        assert!(exact.truth.mean_reprojection_error_px() < 1e-4, "f32 keypoints are exact to 1e-4 px");
+        assert!(Statistics::of(&exact.truth).mean_reprojection_error_px < 1e-4, "f32 keypoints are exact to 1e-4 px");
     }
 }
 
@@ -42,7 +43,7 @@ fn every_model_projects_and_has_pairs() {
         let scene = make(Options { models: vec![model], num_images: 10, num_points: 800, ..Options::default() });
         assert!(scene.truth.points.len() > 200, "{model:?}: {} points", scene.truth.points.len());
         assert!(scene.graph.pairs.len() >= 10, "{model:?}: {} pairs", scene.graph.pairs.len());
-        assert!(scene.truth.mean_reprojection_error_px() < 0.7, "{model:?}");
+        assert!(Statistics::of(&scene.truth).mean_reprojection_error_px < 0.7, "{model:?}");
         let angle = |p: &epipole_scene::Pair| {
             let truth =
                 scene.truth.images[p.image2].cam_from_world * scene.truth.images[p.image1].cam_from_world.inverse();

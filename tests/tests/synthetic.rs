@@ -5,6 +5,7 @@ mod common;
 use common::{check_round_trip, compare, run};
 use epipole_geometry::camera::CameraModel;
 use epipole_mapper::{Intrinsics, Matches, Options, Outcome};
+use epipole_scene::statistics::Statistics;
 use epipole_tests::synth::{self, FocalKnowledge, Kind, Scene, StoredPoses, generate};
 
 fn make(options: synth::Options) -> Scene {
@@ -23,7 +24,7 @@ fn assert_recovered(name: &str, scene: &Scene, outcome: &Outcome, max_ate_share:
         found.common_images,
         scene.truth.images.len(),
         model.points.len(),
-        model.mean_reprojection_error_px(),
+        Statistics::of(model).mean_reprojection_error_px,
         ate.rmse_over_extent,
         rotation.max_deg
     );
@@ -38,7 +39,7 @@ fn every_kind_is_recovered() {
         let scene = make(synth::Options { kind, seed, num_images: 24, num_points: 2000, ..Default::default() });
         let outcome = run(&scene.graph, &Options::default());
         assert_recovered(&format!("{kind:?}"), &scene, &outcome, 2e-3, 0.3);
-        let error = outcome.reconstructions[0].mean_reprojection_error_px();
+        let error = Statistics::of(&outcome.reconstructions[0]).mean_reprojection_error_px;
         // The noise alone gives 0.627 px less what the points' freedom takes up.
         assert!((0.4..0.7).contains(&error), "{kind:?}: {error} px");
         check_round_trip(&outcome.reconstructions[0]);

@@ -202,7 +202,7 @@ pub(crate) struct BundleArgs {
     #[arg(long, default_value_t = 200)]
     pub(crate) max_iterations: usize,
     /// Converged when the cost falls by less than this share twice in a row.
-    #[arg(long, default_value_t = 1e-8)]
+    #[arg(long, default_value_t = 1e-9)]
     pub(crate) tolerance: f64,
     /// Number of threads; does not change the result [default: all cores]
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]

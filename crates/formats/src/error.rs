@@ -104,7 +104,7 @@ pub enum Problem {
         /// Which blob.
         column: &'static str,
         /// Bytes it should have.
-        expected: u64,
+        expected: u128,
         /// Bytes it has.
         found: u64,
     },

@@ -6,7 +6,9 @@ use epipole_optimize::OptimizeError;
 #[derive(Debug, thiserror::Error)]
 pub enum MapperError {
     /// Fewer than two images.
-    #[error("{0} image(s) in the database: a reconstruction needs at least two that overlap; add images and match them")]
+    #[error(
+        "{0} image(s) in the database: a reconstruction needs at least two that overlap; add images and match them"
+    )]
     TooFewImages(usize),
     /// No pair is usable.
     #[error("no pair of images has enough verified matches ({min_inliers} or more): {hint}")]

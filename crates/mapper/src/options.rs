@@ -10,7 +10,7 @@ use crate::stages::{calibrate, finish, position, refine, relative_pose, retriang
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Preset {
-    /// Fewer rounds, looser stops, no retriangulation.
+    /// Fewer rounds, no retriangulation.
     Fast,
     /// What the accuracy figures are measured with.
     #[default]
@@ -101,7 +101,6 @@ impl Options {
             Preset::Default => {}
             Preset::Fast => {
                 options.refine.rounds = 2;
-                options.refine.relative_decrease_tolerance = 3e-3;
                 options.retriangulate.enabled = false;
             }
             Preset::Accurate => {

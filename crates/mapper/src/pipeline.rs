@@ -46,8 +46,7 @@ pub fn reconstruct(
         Ok(((), summary.to_string()))
     })?;
     run.stage(Stage::RelativePose, 0, |observer| {
-        let summary =
-            relative_pose::run(&mut graph, &options.relative_pose, options.matches, options.seed, observer)?;
+        let summary = relative_pose::run(&mut graph, &options.relative_pose, options.matches, options.seed, observer)?;
         Ok(((), summary.to_string()))
     })?;
     if graph.pairs.is_empty() {
@@ -79,7 +78,16 @@ pub fn reconstruct(
         }
         let number = finished.len();
         let built = reconstruct_component(
-            &graph, &part, &rotations, &correspondences, options, number, &mut images, &mut run, &mut reasons, &mut parts,
+            &graph,
+            &part,
+            &rotations,
+            &correspondences,
+            options,
+            number,
+            &mut images,
+            &mut run,
+            &mut reasons,
+            &mut parts,
         );
         match built {
             Ok((component, report)) => {
@@ -96,10 +104,7 @@ pub fn reconstruct(
             Err(e) => {
                 let message = e.to_string();
                 run.warn(format!("a component of {} images could not be reconstructed: {message}", part.images.len()));
-                reasons.set(
-                    part.images.iter().map(|&(i, _)| i),
-                    &UnregisteredReason::ComponentFailed { message },
-                );
+                reasons.set(part.images.iter().map(|&(i, _)| i), &UnregisteredReason::ComponentFailed { message });
             }
         }
     }
@@ -255,10 +260,8 @@ fn retriangulated(
     let summary =
         retriangulate::run(correspondences, component, &options.retriangulate, options.seed, &mut adjust, observer)?;
     refine::final_filter(component, &options.refine);
-    let last = Adjustment {
-        relative_decrease_tolerance: options.refine.final_relative_decrease_tolerance,
-        ..adjustment
-    };
+    let last =
+        Adjustment { relative_decrease_tolerance: options.refine.final_relative_decrease_tolerance, ..adjustment };
     refine::adjust(component, &last, &options.refine, observer)?;
     epipole_scene::normalize::normalize(&mut component.reconstruction);
     refine::final_filter(component, &options.refine);
@@ -358,11 +361,7 @@ impl Reasons {
     }
 }
 
-fn image_reports(
-    graph: &ViewGraph,
-    finished: &[(Component, ComponentReport)],
-    reasons: &Reasons,
-) -> Vec<ImageReport> {
+fn image_reports(graph: &ViewGraph, finished: &[(Component, ComponentReport)], reasons: &Reasons) -> Vec<ImageReport> {
     let mut reports: Vec<ImageReport> = graph
         .images
         .iter()

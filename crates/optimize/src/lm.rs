@@ -50,14 +50,17 @@ pub trait System {
 pub struct LmOptions {
     /// At most this many steps, accepted or not.
     pub max_iterations: usize,
-    /// Converged when the cost falls by less than this share on two consecutive accepted steps: 1e-7 for accuracy,
+    /// Converged when the cost falls by less than this share on [`Self::small_decreases`] consecutive steps: 1e-7 for accuracy,
     /// 1e-5 between the rounds of a pipeline (source: `solver.md` §5.7).
     pub relative_decrease_tolerance: f64,
+    /// How many consecutive accepted steps must have a small decrease. 1 does for an approximate solve.
+    pub small_decreases: usize,
     /// Converged when no unknown moves by more than this in units of its column scale, px.
     pub scaled_step_tolerance: f64,
     /// First damping: Ceres' trust region radius of 1e4.
     pub lambda0: f64,
-    /// Smallest damping: keeps the free gauge regular.
+    /// Smallest damping: keeps the free gauge regular. Directions flatter than this share of the diagonal converge slowly;
+    /// in `f64` 1e-12 is still safe.
     pub lambda_min: f64,
     /// Beyond this damping nothing can be gained.
     pub lambda_max: f64,
@@ -70,6 +73,7 @@ impl Default for LmOptions {
         Self {
             max_iterations: 50,
             relative_decrease_tolerance: 1e-6,
+            small_decreases: 2,
             scaled_step_tolerance: 1e-7,
             lambda0: 1e-4,
             lambda_min: 1e-8,
@@ -225,7 +229,7 @@ pub async fn minimize<S: System>(system: &mut S, options: &LmOptions, observer: 
             factor = 2.0;
             let small = decrease <= options.relative_decrease_tolerance * before;
             small_decreases = if small { small_decreases + 1 } else { 0 };
-            if small_decreases >= 2 {
+            if small_decreases >= options.small_decreases {
                 end = end.or(Some(Termination::CostConverged));
             }
             if state.active == 0 {

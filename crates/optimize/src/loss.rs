@@ -43,6 +43,17 @@ impl Loss {
         }
     }
 
+    /// Curvature of ρ(‖r‖²) along r over that across it, `1 + 2sρ''/ρ'`: 1 for a squared loss, 0 where ρ grows linearly,
+    /// negative where it flattens.
+    #[inline]
+    pub fn radial_curvature(self, s: f64) -> f64 {
+        match self {
+            Self::Squared => 1.0,
+            Self::Huber(d) => f64::from(u8::from(s <= d * d)),
+            Self::Cauchy(c) => (c * c - s) / (c * c + s),
+        }
+    }
+
     /// ρ(s + Δ) − ρ(s) from Δ itself: as accurate as Δ is, however small beside s (source: `solver.md` §1.3 d).
     #[inline]
     pub fn difference(self, s: f64, change: f64) -> f64 {

@@ -27,8 +27,11 @@ fn check(name: &str, report: &LmReport, optimum: f64, gap: f64) {
 fn reaches_the_known_optima_in_f64() {
     for (name, optimum) in PROBLEMS {
         let Some(mut problem) = common::read_bal(name) else { return };
-        let report = bundle::solve(&mut problem, &tight(1e-9), &mut ()).expect("a good problem");
-        check(name, &report, optimum, 1e-6);
+        let mut options = tight(1e-9);
+        // 49-7776 ends in a valley flatter than 1e-8 of the diagonal: the default damping would stop there at +8e-7.
+        options.lm.lambda_min = 1e-12;
+        let report = bundle::solve(&mut problem, &options, &mut ()).expect("a good problem");
+        check(name, &report, optimum, 3e-7);
         // Nothing is refused while the cost still falls by more than rounding.
         let spurious = report.history.windows(2).filter(|w| !w[0].accepted && w[1].accepted).count();
         assert_eq!(spurious, 0, "{:?}", report.history);

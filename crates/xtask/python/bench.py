@@ -27,8 +27,6 @@ SCENES = {
     "sevenscenes": ("gt/sparse", False),
     "bonsai292": ("colmap_global", False),
 }
-# The scenes of the speed goals.
-DEFAULT_SCENES = ["strecha_Herz-Jesus-P25", "sevenscenes", "bonsai292"]
 
 
 def mib(size_bytes):
@@ -150,8 +148,7 @@ def main():
     parser.add_argument("--data", required=True)
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--repeats", type=int, default=1)
-    parser.add_argument("--scenes", nargs="*", default=DEFAULT_SCENES)
-    parser.add_argument("--all-scenes", action="store_const", const=list(SCENES), dest="scenes")
+    parser.add_argument("--scenes", nargs="+", required=True)
     parser.add_argument("--bundle", action="store_true")
     parser.add_argument("--bundle-scene", default="bonsai292")
     parser.add_argument("--json")

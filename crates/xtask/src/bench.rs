@@ -11,6 +11,23 @@ use crate::process::{self, cargo, output, root, target_dir};
 /// The peer that all figures are measured against.
 const PEER: &str = "pycolmap==4.2.1";
 
+/// The scenes of the speed goals.
+const SPEED_SCENES: [&str; 3] = ["strecha_Herz-Jesus-P25", "sevenscenes", "bonsai292"];
+
+/// Every scene with a database and a reference.
+const ALL_SCENES: [&str; 10] = [
+    "strecha_castle-P19",
+    "strecha_Herz-Jesus-P25",
+    "strecha_Herz-Jesus-P8",
+    "lund_door",
+    "middlebury_templering19",
+    "colmap2017_db",
+    "kermit",
+    "sceaux_castle",
+    "sevenscenes",
+    "bonsai292",
+];
+
 #[derive(Args)]
 pub(crate) struct Arguments {
     /// Scenes below the data folder; the three of the speed goals if none is given, `all` for every one.
@@ -33,6 +50,9 @@ pub(crate) struct Arguments {
     /// Only rotation averaging, on Ellis Island.
     #[arg(long)]
     rotations: bool,
+    /// Only what must hold of every written model: same bytes on any number of threads, pycolmap's agreement, round trips.
+    #[arg(long)]
+    check: bool,
     /// Also write the figures as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -51,14 +71,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Error> {
         return rotations(&python, &data);
     }
     process::run(&mut cargo(&["build", "--release", "--package", "epipole"]), "")?;
-    let mut driver = script(&python, "bench.py");
-    driver.arg("--epipole").arg(target_dir().join("release/epipole")).arg("--data").arg(&data);
-    driver.arg("--threads").arg(arguments.threads.to_string()).arg("--repeats").arg(arguments.repeats.to_string());
-    if arguments.scenes.iter().any(|name| name == "all") {
-        driver.arg("--all-scenes");
-    } else if !arguments.scenes.is_empty() {
-        driver.arg("--scenes").args(&arguments.scenes);
+    let epipole = target_dir().join("release/epipole");
+    if arguments.check {
+        let mut check = script(&python, "peer_check.py");
+        return process::run(check.arg(epipole).arg(&data).args(scenes_of(arguments)), "");
     }
+    let mut driver = script(&python, "bench.py");
+    driver.arg("--epipole").arg(epipole).arg("--data").arg(&data);
+    driver.arg("--threads").arg(arguments.threads.to_string()).arg("--repeats").arg(arguments.repeats.to_string());
+    driver.arg("--scenes").args(scenes_of(arguments));
     if arguments.bundle {
         driver.args(["--bundle", "--bundle-scene", &arguments.bundle_scene]);
     }
@@ -66,6 +87,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Error> {
         driver.arg("--json").arg(path);
     }
     process::run(&mut driver, "")
+}
+
+/// The scenes that were asked for.
+fn scenes_of(arguments: &Arguments) -> Vec<&str> {
+    let asked: Vec<&str> = arguments.scenes.iter().map(String::as_str).collect();
+    match asked.as_slice() {
+        [] => SPEED_SCENES.to_vec(),
+        asked if asked.contains(&"all") => ALL_SCENES.to_vec(),
+        _ => asked,
+    }
 }
 
 /// Mean and median rotation error of both on the same edges.

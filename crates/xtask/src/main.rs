@@ -1,6 +1,7 @@
 //! `cargo xtask …`: everything a script would do, in the language everybody here has.
 
 mod bench;
+mod demo;
 mod error;
 mod fixtures;
 mod process;
@@ -24,6 +25,8 @@ struct Cli {
 enum Command {
     /// Brings a bare Debian machine to where everything builds; does nothing where that is so already.
     Setup,
+    /// Sets up, builds and reconstructs a scene: the first thing to try.
+    Demo(demo::Arguments),
     /// Formatting, lints and all tests.
     Test(test::Arguments),
     /// Makes a synthetic scene with known truth (`cargo xtask synth --help` lists the options).
@@ -41,6 +44,7 @@ enum Command {
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Setup => setup::run(),
+        Command::Demo(arguments) => demo::run(&arguments),
         Command::Test(arguments) => test::run(&arguments),
         Command::Synth(passed_on) => fixtures::synth(&passed_on),
         Command::Damage(arguments) => fixtures::damage(&arguments),

@@ -5,10 +5,10 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
 use epipole_geometry::camera::CameraModel;
+use epipole_scene::statistics::Statistics;
 use epipole_tests::synth::{
     BalPerturbation, FocalKnowledge, Kind, Options, StoredPoses, generate, write_bal, write_scene,
 };
-use epipole_scene::statistics::Statistics;
 use epipole_tests::{damage, fixtures};
 
 /// Makes synthetic scenes with a known truth, and broken databases.

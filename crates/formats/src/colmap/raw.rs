@@ -76,8 +76,9 @@ impl<'a> View<'a> {
             FormatError::invalid(Location::file(folder).row(row), problem, "the reconstruction cannot be written")
         };
         for camera in &reconstruction.cameras {
-            let (expected, found) = (camera.model.num_params() as u64 * 8, camera.params.len() as u64 * 8);
+            let (expected, found) = (camera.model.num_params(), camera.params.len());
             if expected != found {
+                let (expected, found) = (expected as u128 * 8, found as u64 * 8);
                 let problem = Problem::BlobLength { column: "params", expected, found };
                 return Err(invalid(format!("camera {}", camera.id), problem));
             }

@@ -12,8 +12,8 @@ const UNIT_TOLERANCE: f64 = 1e-9;
 
 /// Checks the length of a blob of `count` values of `bytes_each`.
 pub(super) fn check_length(blob: &[u8], column: &'static str, count: u64, bytes_each: u64) -> Result<(), Problem> {
-    let expected = count.saturating_mul(bytes_each);
-    if blob.len() as u64 == expected {
+    let expected = u128::from(count) * u128::from(bytes_each);
+    if blob.len() as u128 == expected {
         Ok(())
     } else {
         Err(Problem::BlobLength { column, expected, found: blob.len() as u64 })
@@ -22,7 +22,7 @@ pub(super) fn check_length(blob: &[u8], column: &'static str, count: u64, bytes_
 
 /// Any number of `f64`.
 pub(super) fn f64s(blob: &[u8], column: &'static str) -> Result<Vec<f64>, Problem> {
-    check_length(blob, column, (blob.len() / 8) as u64, 8)?;
+    check_length(blob, column, blob.len().div_ceil(8) as u64, 8)?;
     Ok(blob.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect())
 }
 

@@ -64,7 +64,7 @@ fn out_of_range(what: &str, found: impl ToString, expected: &str) -> Problem {
 pub(crate) fn check(camera: &Camera) -> Result<(), Problem> {
     let expected = camera.model.num_params();
     if camera.params.len() != expected {
-        let (column, expected, found) = ("params", expected as u64 * 8, camera.params.len() as u64 * 8);
+        let (column, expected, found) = ("params", expected as u128 * 8, camera.params.len() as u64 * 8);
         return Err(Problem::BlobLength { column, expected, found });
     }
     if camera.width_px == 0 || camera.height_px == 0 {

@@ -114,8 +114,7 @@ pub fn run(
         });
     }
     drop(rays);
-    let mut solver = positioning::Options::default();
-    solver.huber = options.huber;
+    let mut solver = positioning::Options { huber: options.huber, ..positioning::Options::default() };
     solver.lm.relative_decrease_tolerance = options.relative_decrease_tolerance;
     let mut forward = Forward { stage: Stage::Position, observer };
     let report = positioning::solve(&mut problem, &solver, &mut forward)?;

@@ -136,6 +136,9 @@ pub fn adjust(
     let mut lm_options = bundle::Options::default();
     lm_options.lm.max_iterations = options.max_iterations;
     lm_options.lm.relative_decrease_tolerance = adjustment.relative_decrease_tolerance;
+    // A second small step confirms convergence; before another filter or another round there is nothing to confirm.
+    let is_final = adjustment.relative_decrease_tolerance <= options.final_relative_decrease_tolerance;
+    lm_options.lm.small_decreases = if is_final { 2 } else { 1 };
     let mut forward = Forward { stage: adjustment.stage, observer };
     let report = bundle::solve(&mut problem, &lm_options, &mut forward)?;
     for (image, pose) in reconstruction.images.iter_mut().zip(&problem.cam_from_world) {
@@ -232,11 +235,8 @@ pub fn run(
         while round < options.rounds {
             let factor = (options.rounds as f64 - round as f64).clamp(1.0, 3.0);
             round += 1;
-            filtered += filter::filter_normalized(
-                &mut component.reconstruction,
-                factor * options.max_normalized_error,
-            )
-            .observations;
+            filtered += filter::filter_normalized(&mut component.reconstruction, factor * options.max_normalized_error)
+                .observations;
             if filtered as f64 > options.settled_share * component.reconstruction.points.len() as f64 {
                 break;
             }
@@ -251,8 +251,5 @@ pub fn run(
 /// The filters that end bundle adjustment.
 pub fn final_filter(component: &mut Component, options: &Options) {
     filter::filter_normalized(&mut component.reconstruction, options.max_normalized_error);
-    filter::filter_triangulation_angle(
-        &mut component.reconstruction,
-        options.min_triangulation_angle_deg.to_radians(),
-    );
+    filter::filter_triangulation_angle(&mut component.reconstruction, options.min_triangulation_angle_deg.to_radians());
 }

@@ -1,6 +1,6 @@
 //! Bundle adjustment: poses, intrinsics and points from pixels (source: `solver.md`, `scale.md`).
 //!
-//! Points are eliminated by Schur complement with Givens QR blocks; the cameras' reduced system is formed and factorised
+//! Points are eliminated by Schur complement with QR blocks; the cameras' reduced system is formed and factorised
 //! in `f64`, or solved by PCG without forming it, whichever is estimated to be faster. The gauge is free.
 
 pub mod cpu;

@@ -2,15 +2,26 @@
 
 use super::layout::BlockLayout;
 
-/// A participant: one block at one point. Participants are numbered point by point.
+/// A participant of a block: one block at one point. Participants are numbered point by point.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Member {
+    /// The participant.
+    pub participant: u32,
+    /// End of its point's range of participants.
+    pub end: u32,
+    /// Its point.
+    pub point: u32,
+}
+
+/// Which blocks meet at which point.
 #[derive(Clone, Debug)]
 pub struct Incidence {
     point_start: Vec<u32>,
     block: Vec<u32>,
     /// Per block, the range of `order` that lists its participants.
     order_start: Vec<u32>,
-    /// Participants of each block in ascending order, each with the end of its point's range.
-    order: Vec<(u32, u32)>,
+    /// Participants of each block in ascending order.
+    order: Vec<Member>,
 }
 
 impl Incidence {
@@ -39,11 +50,11 @@ impl Incidence {
             order_start[b + 1] += order_start[b];
         }
         let mut next = order_start.clone();
-        let mut order = vec![(0, 0); block.len()];
-        for pair in point_start.windows(2) {
+        let mut order = vec![Member::default(); block.len()];
+        for (point, pair) in point_start.windows(2).enumerate() {
             for q in pair[0]..pair[1] {
                 let slot = &mut next[block[q as usize] as usize];
-                order[*slot as usize] = (q, pair[1]);
+                order[*slot as usize] = Member { participant: q, end: pair[1], point: point as u32 };
                 *slot += 1;
             }
         }
@@ -76,13 +87,18 @@ impl Incidence {
         self.block[participant] as usize
     }
 
+    /// The blocks of consecutive participants.
+    pub(super) fn block_range(&self, participants: std::ops::Range<usize>) -> &[u32] {
+        &self.block[participants]
+    }
+
     /// The blocks of a point, ascending.
     pub fn blocks(&self, point: usize) -> &[u32] {
         &self.block[self.participants(point)]
     }
 
-    /// The participants of a block, ascending, each with the end of its point's range of participants.
-    pub fn of_block(&self, block: usize) -> &[(u32, u32)] {
+    /// The participants of a block, ascending.
+    pub fn of_block(&self, block: usize) -> &[Member] {
         &self.order[self.order_start[block] as usize..self.order_start[block + 1] as usize]
     }
 

@@ -27,6 +27,22 @@ fn fixed<const FMA: bool, const ROWS: usize, const STRIDE: usize>(
     }
 }
 
+/// As [`subtract_product`] where the lengths are known: `LEN` is three rows of `PITCH`.
+#[inline(always)]
+pub(super) fn subtract_fixed<
+    const FMA: bool,
+    const ROWS: usize,
+    const STRIDE: usize,
+    const PITCH: usize,
+    const LEN: usize,
+>(
+    a: &[f64; LEN],
+    b: &[f64; LEN],
+    out: &mut [f64],
+) {
+    fixed::<FMA, ROWS, STRIDE>(a, b, PITCH, out);
+}
+
 #[inline(always)]
 fn any<const FMA: bool>(rows: usize, stride: usize, a: &[f64], b: &[f64], factor_stride: usize, out: &mut [f64]) {
     for row in 0..rows {

@@ -49,6 +49,11 @@ impl BlockLayout {
         self.offsets[block] as usize
     }
 
+    /// As [`Self::offset`], and the number of unknowns for the block after the last.
+    pub(super) fn range_start(&self, block: usize) -> usize {
+        self.offsets[block] as usize
+    }
+
     /// The unknowns of a block.
     pub fn range(&self, block: usize) -> std::ops::Range<usize> {
         self.offset(block)..self.offset(block + 1)

@@ -10,13 +10,15 @@ use super::pattern::BlockPattern;
 pub struct BlockMatrix {
     pattern: Arc<BlockPattern>,
     pub(super) values: Vec<f64>,
+    /// Memory of the assembly, kept from one to the next.
+    pub(super) factors: Vec<f64>,
 }
 
 impl BlockMatrix {
     /// All zero.
     pub fn zeros(pattern: Arc<BlockPattern>) -> Self {
         let values = vec![0.0; pattern.num_values()];
-        Self { pattern, values }
+        Self { pattern, values, factors: Vec::new() }
     }
 
     /// The sparsity.

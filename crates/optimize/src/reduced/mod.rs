@@ -33,7 +33,7 @@ mod preconditioner;
 mod sparse;
 
 pub use cholesky::{Cholesky, CholeskyKind, NotPositiveDefinite};
-pub use incidence::Incidence;
+pub use incidence::{Incidence, Member};
 pub(crate) use kernel::{Vectorized, dispatch};
 pub use layout::BlockLayout;
 pub use matrix::BlockMatrix;

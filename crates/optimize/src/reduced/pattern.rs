@@ -21,8 +21,8 @@ impl BlockPattern {
         let rows = parallel::map_indices(layout.num_blocks(), |i| {
             let mut met = vec![false; layout.num_blocks() - i];
             met[0] = true;
-            for &(q, end) in incidence.of_block(i) {
-                for &j in &block[q as usize..end as usize] {
+            for member in incidence.of_block(i) {
+                for &j in &block[member.participant as usize..member.end as usize] {
                     met[j as usize - i] = true;
                 }
             }

@@ -29,6 +29,8 @@ const PAIRS_PER_CHUNK: usize = 512;
 pub struct Options {
     /// Fewest verified matches of a pair.
     pub min_inliers: usize,
+    /// Verified matches that a pose is found from, at most: more add time but no digits that rotation averaging would keep.
+    pub max_matches: usize,
     /// Fewest inliers of a pair verified again from raw matches.
     pub min_inliers_raw: usize,
     /// Smallest share of a pair's matches that must agree with a pose that was found here.
@@ -46,6 +48,8 @@ impl Default for Options {
         Self {
             // COLMAP's `min_num_matches` of its database cache (algorithms.md §2.1).
             min_inliers: 15,
+            // The error of a pose falls with the root of the matches: at 1000 it is far below the disagreement of pairs.
+            max_matches: 1000,
             // GLOMAP's filters after its own relative poses (algorithms.md §2.3).
             min_inliers_raw: 30,
             min_inlier_ratio: 0.25,
@@ -157,6 +161,14 @@ pub fn run(
     Ok(summary)
 }
 
+/// At most `max` of the matches, evenly spread over their order.
+fn thinned(matches: Vec<[u32; 2]>, max: usize) -> Vec<[u32; 2]> {
+    if matches.len() <= max {
+        return matches;
+    }
+    (0..max).map(|i| matches[i * matches.len() / max]).collect()
+}
+
 fn find(graph: &ViewGraph, pair: &Pair, options: &Options, matches: Matches, seed: u64) -> Found {
     let seed = pair_seed(graph, pair, seed);
     if matches == Matches::Raw
@@ -175,6 +187,7 @@ fn find(graph: &ViewGraph, pair: &Pair, options: &Options, matches: Matches, see
     let inside =
         |&&[a, b]: &&[u32; 2]| (a as usize) < image1.keypoints_px.len() && (b as usize) < image2.keypoints_px.len();
     let usable: Vec<[u32; 2]> = pair.inliers.iter().filter(inside).copied().collect();
+    let usable = thinned(usable, options.max_matches);
     let points1: Vec<DVec2> = usable.iter().map(|m| image1.keypoints_px[m[0] as usize]).collect();
     let points2: Vec<DVec2> = usable.iter().map(|m| image2.keypoints_px[m[1] as usize]).collect();
     let pose = relative_pose_from_geometry(
@@ -190,7 +203,7 @@ fn find(graph: &ViewGraph, pair: &Pair, options: &Options, matches: Matches, see
         seed,
     );
     let enough = |agreeing: usize| {
-        agreeing >= options.min_inliers && agreeing as f64 >= options.min_inlier_ratio * pair.inliers.len() as f64
+        agreeing >= options.min_inliers && agreeing as f64 >= options.min_inlier_ratio * usable.len() as f64
     };
     match pose {
         Some(p) if p.cam2_from_cam1.is_finite() && enough(p.inliers.len()) => Found::Pose(p.cam2_from_cam1, p.source),

@@ -54,9 +54,13 @@ fn a_conflict_drops_the_whole_set_or_splits_it() {
     let mut graph = graph(4, 2, &[(0, 1, strong), (0, 2, strong), (1, 2, strong), (2, 3, strong), (0, 3, &[[0, 1]])]);
     let dropped = tracks(&graph, &Options::default());
     assert!(dropped.is_empty());
-    let splitting = Options { split_conflicts: true, ..Options::default() };
+    let splitting = Options { conflicts: Conflicts::Split, ..Options::default() };
     let all = |k: u32| (0..4).map(|i| (i, k)).collect::<Vec<_>>();
     assert_eq!(tracks(&graph, &splitting), [all(0), all(1)]);
+    // Automatic: dropped while nobody misses it, taken apart where an image would be left with too little.
+    assert_eq!(Options::default().conflicts, Conflicts::Auto);
+    assert_eq!(tracks(&graph, &Options { starved_below: 2, ..Options::default() }), [all(0), all(1)]);
+    assert!(tracks(&graph, &Options { starved_below: 3, ..Options::default() }).is_empty());
     // Close keypoints are no conflict: both stay in the track.
     for image in &mut graph.images {
         image.keypoints_px = Arc::from([DVec2::ZERO, DVec2::new(6.0, 8.0)]);

@@ -3,7 +3,7 @@
 use epipole_geometry::camera::Real;
 
 use super::linearization::Linearization;
-use super::point_block::{Triangle, damp, solve_normal, solve_row};
+use super::point_block::{Triangle, damp, solve_row};
 use super::small::{Vec3, to_f64};
 use super::structure::Structure;
 use crate::parallel;
@@ -17,14 +17,14 @@ const GROUP: usize = 2048;
 pub(super) struct DampedPoint {
     /// R̃, with reciprocals on the diagonal; all zero where the point is frozen, which makes every solve give 0.
     pub(super) triangle: Triangle<f64>,
-    /// `(R̃ᵀR̃)⁻¹ J_pᵀ r`.
-    pub(super) newton: Vec3<f64>,
+    /// `R̃⁻ᵀ J_pᵀ r`.
+    pub(super) gradient: Vec3<f64>,
 }
 
 /// All points at one damping.
 pub(super) fn damp_points<T: Real>(linearization: &Linearization<T>, lambda: f64, out: &mut Vec<DampedPoint>) {
     let root = lambda.sqrt();
-    let empty = DampedPoint { triangle: [0.0; 6], newton: [0.0; 3] };
+    let empty = DampedPoint { triangle: [0.0; 6], gradient: [0.0; 3] };
     out.clear();
     out.resize(linearization.points.len(), empty);
     let mut pieces: Vec<_> = out.chunks_mut(GROUP).zip(linearization.points.chunks(GROUP)).collect();
@@ -32,24 +32,25 @@ pub(super) fn damp_points<T: Real>(linearization: &Linearization<T>, lambda: f64
         for (out, block) in out.iter_mut().zip(blocks.iter()) {
             if block.free {
                 out.triangle = damp(&block.triangle, root);
-                out.newton = solve_normal(&out.triangle, &block.gradient);
+                out.gradient = solve_row(&out.triangle, &block.gradient);
             }
         }
     });
 }
 
-/// `matrix −= Σ_points E Eᵀ`.
+/// `matrix −= Σ_points E Eᵀ`, `rhs += Σ_points E R̃⁻ᵀ J_pᵀ r`.
 pub(super) fn subtract_points<T: Real>(
     structure: &Structure,
     linearization: &Linearization<T>,
     damped: &[DampedPoint],
     matrix: &mut BlockMatrix,
+    rhs: &mut [f64],
 ) {
     if structure.fixed_points {
         return;
     }
     let pitch = structure.layout.factor_stride();
-    matrix.subtract_points(&structure.incidence, |p, factors| {
+    let fill = |p: usize, factors: &mut [f64]| {
         if !linearization.points[p].free {
             return;
         }
@@ -89,7 +90,8 @@ pub(super) fn subtract_points<T: Real>(
                 }
             }
         }
-    });
+    };
+    matrix.eliminate_points(&structure.incidence, fill, |p| damped[p].gradient, rhs);
 }
 
 #[inline(always)]

@@ -5,7 +5,7 @@
 
 use epipole_geometry::camera::{MAX_PARAMS, Real};
 
-use super::point_block::{Triangle, fold_row, has_full_rank};
+use super::point_block::{Triangle, has_full_rank, triangle};
 use super::projection::Side;
 use super::small::{Vec3, add, cross, dot, rotate, row_times, to_f64};
 use super::state::{Cameras, Lattice, Points};
@@ -51,6 +51,38 @@ pub(super) struct Linearization<T> {
     pub(super) points: Vec<PointBlock>,
 }
 
+/// Turns an observation with a robust loss into one with a squared loss of the same gradient and nearly the same
+/// curvature: across the residual `ρ'`, along it `ρ' + 2sρ''`, but never less than a share of `ρ'` (source: Triggs et
+/// al., Bundle Adjustment – A Modern Synthesis, 2000, §4.3). Weights alone make LM converge linearly in the outliers.
+struct RobustTransform<T> {
+    rows: [[T; 2]; 2],
+    residual: T,
+}
+
+impl<T: Real> RobustTransform<T> {
+    #[inline(always)]
+    fn new(loss: Loss, floor: f64, r: &[T; 2]) -> Self {
+        let s = (r[0] * r[0] + r[1] * r[1]).to_f64();
+        let root = loss.weight(s).sqrt();
+        let across = T::from_f64(root);
+        let along = loss.radial_curvature(s).max(floor).sqrt();
+        if along >= 1.0 {
+            return Self { rows: [[across, T::ZERO], [T::ZERO, across]], residual: across };
+        }
+        let shrink = T::from_f64(root * (1.0 - along) / s);
+        let off = -shrink * r[0] * r[1];
+        Self {
+            rows: [[across - shrink * r[0] * r[0], off], [off, across - shrink * r[1] * r[1]]],
+            residual: T::from_f64(root / along),
+        }
+    }
+
+    #[inline(always)]
+    fn apply<const N: usize>(&self, rows: &[[T; N]; 2]) -> [[T; N]; 2] {
+        self.rows.map(|t| std::array::from_fn(|k| t[0] * rows[0][k] + t[1] * rows[1][k]))
+    }
+}
+
 impl<T: Real> Row<T> {
     const EMPTY: Self = Self { point: [[T::ZERO; 3]; 2], ray: [T::ZERO; 3], residual: [T::ZERO; 2] };
 
@@ -89,6 +121,7 @@ impl<T: Real> Linearization<T> {
         residual: &[[T; 2]],
         active: &ActiveSet,
         loss: Loss,
+        radial_floor: f64,
         side: Side,
     ) {
         let stride = self.stride;
@@ -99,9 +132,11 @@ impl<T: Real> Linearization<T> {
         let mut pieces: Vec<_> = rows.into_iter().zip(params).zip(blocks).collect();
         parallel::for_each_mut(&mut pieces, |g, ((rows, params), blocks)| {
             let first = structure.track(groups.points[g]).start;
+            let mut columns: [Vec<f64>; 3] = Default::default();
             for (block, p) in blocks.iter_mut().zip(groups.points[g]..) {
                 *block = PointBlock { triangle: [0.0; 6], gradient: [0.0; 3], free: false };
                 let mut count = 0;
+                columns.iter_mut().for_each(Vec::clear);
                 for o in structure.track(p) {
                     let local = o - first;
                     let params = &mut params[local * 2 * stride..(local + 1) * 2 * stride];
@@ -118,22 +153,24 @@ impl<T: Real> Linearization<T> {
                     let params_of_view = &cameras.view_params[c];
                     let Some(projection) = side.differentiate(structure.model[c], params_of_view, q) else { continue };
                     let r = residual[o];
-                    let weight = loss.weight((r[0] * r[0] + r[1] * r[1]).to_f64());
-                    let root = T::from_f64(weight.sqrt());
+                    let transform = RobustTransform::new(loss, radial_floor, &r);
                     let row = &mut rows[local];
                     row.ray = ray;
+                    row.residual = r.map(|v| v * transform.residual);
+                    let by_point = transform.apply(&projection.d_point);
                     for k in 0..2 {
-                        row.point[k] = row_times(&projection.d_point[k], &view.rotation).map(|v| v * root);
-                        row.residual[k] = r[k] * root;
+                        row.point[k] = row_times(&by_point[k], &view.rotation);
                         let wide = to_f64(row.point[k]);
-                        fold_row(&mut block.triangle, wide);
+                        columns.iter_mut().zip(wide).for_each(|(column, v)| column.push(v));
                         block.gradient = add(&block.gradient, &wide.map(|v| v * row.residual[k].to_f64()));
                         for (slot, &param) in params[k * stride..].iter_mut().zip(&structure.free_params[c]) {
-                            *slot = projection.d_params[k][param as usize] * root;
+                            let by_param = projection.d_params.map(|row| row[param as usize]);
+                            *slot = transform.rows[k][0] * by_param[0] + transform.rows[k][1] * by_param[1];
                         }
                     }
                     count += 1;
                 }
+                block.triangle = triangle(&mut columns);
                 block.free = !structure.fixed_points && count >= 2 && has_full_rank(&block.triangle);
             }
         });

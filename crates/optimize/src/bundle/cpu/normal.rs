@@ -19,6 +19,7 @@ struct ImageBlock {
     size: usize,
     /// Row-major, `size × size`.
     normal: Vec<f64>,
+    gradient: Vec<f64>,
     active: usize,
 }
 
@@ -28,6 +29,8 @@ pub(super) struct CameraNormal {
     images: Vec<ImageBlock>,
     /// `diag(JᵀJ)` of every unknown, priors included: the column scales of damping.
     pub(super) diagonal: Vec<f64>,
+    /// `J_cᵀ r`.
+    gradient: Vec<f64>,
     /// Gradient of the priors.
     prior_gradient: Vec<f64>,
     prior_diagonal: Vec<f64>,
@@ -60,6 +63,7 @@ impl CameraNormal {
         let mut normal = Self {
             images,
             diagonal: prior_diagonal.clone(),
+            gradient: vec![0.0; dim],
             prior_gradient,
             prior_diagonal,
             removed: vec![false; dim],
@@ -72,7 +76,9 @@ impl CameraNormal {
     fn collect_diagonal(&mut self, structure: &Structure) {
         for (i, block) in self.images.iter().enumerate() {
             for k in 0..block.size {
-                self.diagonal[unknown(structure, i, k)] += block.normal[k * (block.size + 1)];
+                let at = unknown(structure, i, k);
+                self.diagonal[at] += block.normal[k * (block.size + 1)];
+                self.gradient[at] += block.gradient[k];
             }
         }
     }
@@ -144,18 +150,14 @@ impl CameraNormal {
         self.diagonal.iter().zip(&self.prior_diagonal).map(|(d, p)| lambda * d + p).collect()
     }
 
-    /// `−J_cᵀ e − ∇prior` for a vector over observations, removed unknowns left at 0.
-    pub(super) fn right_hand_side<T: Real>(
-        &self,
-        structure: &Structure,
-        linearization: &Linearization<T>,
-        error: impl Fn(usize) -> [f64; 2] + Sync + Send,
-    ) -> Vec<f64> {
-        let mut rhs = transposed_product(structure, linearization, error);
-        for ((value, prior), &removed) in rhs.iter_mut().zip(&self.prior_gradient).zip(&self.removed) {
-            *value = if removed { 0.0 } else { -*value - prior };
-        }
-        rhs
+    /// `−J_cᵀ r − ∇prior`: the right-hand side before points are eliminated.
+    pub(super) fn right_hand_side(&self) -> Vec<f64> {
+        self.gradient.iter().zip(&self.prior_gradient).map(|(gradient, prior)| -gradient - prior).collect()
+    }
+
+    /// Sets the entries of removed unknowns to 0.
+    pub(super) fn clear_removed(&self, rhs: &mut [f64]) {
+        rhs.iter_mut().zip(&self.removed).filter(|(_, removed)| **removed).for_each(|(value, _)| *value = 0.0);
     }
 
     /// The priors' part of the predicted decrease for a step.
@@ -215,7 +217,7 @@ fn unknown(structure: &Structure, image: usize, k: usize) -> usize {
 fn image_block<T: Real>(structure: &Structure, linearization: &Linearization<T>, i: usize) -> ImageBlock {
     let dof = structure.pose_dof[i] as usize;
     let size = dof + structure.free_params[structure.camera[i] as usize].len();
-    let mut block = ImageBlock { size, normal: vec![0.0; size * size], active: 0 };
+    let mut block = ImageBlock { size, normal: vec![0.0; size * size], gradient: vec![0.0; size], active: 0 };
     let mut sum = Accumulate { structure, linearization, i, size, block: &mut block };
     match size {
         0 => sum.count_active(),
@@ -253,11 +255,16 @@ impl<T: Real, const N: usize> Vectorized for Padded<'_, T, N> {
     #[inline(always)]
     fn run<const FMA: bool>(mut self) {
         let sum = &mut self.0;
+        // Before the sums: rows lie far apart, and this short pass has many of them fetched at once.
         sum.count_active();
         let dof = sum.structure.pose_dof[sum.i] as usize;
         let mut normal = [[0.0f64; N]; N];
+        let mut gradient = [0.0f64; N];
         for &o in sum.structure.observations_of(sum.i) {
             let row = &sum.linearization.rows[o as usize];
+            if row.point == [[T::ZERO; 3]; 2] {
+                continue;
+            }
             let params = sum.linearization.param_rows(o as usize, sum.size - dof);
             for k in 0..2 {
                 let mut j = [0.0f64; N];
@@ -272,16 +279,22 @@ impl<T: Real, const N: usize> Vectorized for Padded<'_, T, N> {
                 for (slot, p) in j[dof..].iter_mut().zip(params[k]) {
                     *slot = p.to_f64();
                 }
+                let residual = row.residual[k].to_f64();
                 for u in 0..N {
-                    for v in 0..N {
+                    gradient[u] = if FMA { j[u].mul_add(residual, gradient[u]) } else { gradient[u] + j[u] * residual };
+                    // The blocks of four that hold the upper triangle.
+                    for v in u / 4 * 4..N {
                         normal[u][v] = if FMA { j[u].mul_add(j[v], normal[u][v]) } else { normal[u][v] + j[u] * j[v] };
                     }
                 }
             }
         }
         let size = sum.size;
+        sum.block.gradient.copy_from_slice(&gradient[..size]);
         for u in 0..size {
-            sum.block.normal[u * size..(u + 1) * size].copy_from_slice(&normal[u][..size]);
+            for v in 0..size {
+                sum.block.normal[u * size + v] = normal[u.min(v)][u.max(v)];
+            }
         }
     }
 }

@@ -1,4 +1,5 @@
-//! The 3 × 3 block of a point, by Givens rotations: backward stable in `f32`, where a Cholesky factor of `JᵀJ` is not.
+//! The 3 × 3 block of a point, by QR of its rows: backward stable in `f32`, where a Cholesky factor of `JᵀJ` is not.
+//! Whole points go through modified Gram–Schmidt, single rows and the damping through Givens rotations.
 //!
 //! Source: `solver.md` §1.3 b. `R` is upper triangular, stored `[r00, r01, r02, r11, r12, r22]`, with `RᵀR = J_pᵀJ_p`.
 
@@ -12,6 +13,35 @@ pub(super) type Triangle<T> = [T; 6];
 /// Ratio of the diagonal of `R` beyond which a point has no position (source: `solver.md` §5.4): rays that are parallel
 /// to within 1e-6 rad.
 const RANK_RATIO: f64 = 1e6;
+
+/// `R` of the rows whose columns are given; they are overwritten. Modified Gram–Schmidt: its `R` is backward stable like
+/// that of Givens rotations (source: Björck 1967), and takes three roots a point instead of six an observation.
+pub(super) fn triangle(columns: &mut [Vec<f64>; 3]) -> Triangle<f64> {
+    let [a, b, c] = columns;
+    let (mut aa, mut ab, mut ac) = (0.0, 0.0, 0.0);
+    for ((a, b), c) in a.iter().zip(b.iter()).zip(c.iter()) {
+        aa += a * a;
+        ab += a * b;
+        ac += a * c;
+    }
+    let inverse = if aa > 0.0 { 1.0 / aa } else { 0.0 };
+    let (along_b, along_c) = (ab * inverse, ac * inverse);
+    let (mut bb, mut bc) = (0.0, 0.0);
+    for ((a, b), c) in a.iter().zip(b.iter_mut()).zip(c.iter_mut()) {
+        *b -= along_b * a;
+        *c -= along_c * a;
+        bb += *b * *b;
+        bc += *b * *c;
+    }
+    let along_bc = if bb > 0.0 { bc / bb } else { 0.0 };
+    let mut cc = 0.0;
+    for (b, c) in b.iter().zip(c.iter()) {
+        let rest = c - along_bc * b;
+        cc += rest * rest;
+    }
+    let (r00, r11) = (aa.sqrt(), bb.sqrt());
+    [r00, along_b * r00, along_c * r00, r11, along_bc * r11, cc.sqrt()]
+}
 
 /// Folds one row of `J_p` into `R`.
 #[inline(always)]

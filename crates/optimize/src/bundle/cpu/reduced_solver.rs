@@ -13,12 +13,13 @@ use crate::bundle::options::{Options, Solver};
 use crate::error::OptimizeError;
 use crate::reduced::{BlockJacobi, BlockMatrix, BlockPattern, Cholesky, LinearOperator, PcgOptions, pcg};
 
-/// Block products per second of the assembly, on one core (source: `scale.md` §4).
-const PAIRS_PER_SECOND: f64 = 20e6;
-/// Multiply-adds per second of the factorisation (source: `scale.md` §4).
-const FLOPS_PER_SECOND: f64 = 25e9;
-/// Observations per second of one implicit product (source: `scale.md` §4).
-const OBSERVATIONS_PER_SECOND: f64 = 40e6;
+/// Block products per second of the assembly, on one core (measured on bonsai292; `scale.md` §4 had 20e6).
+const PAIRS_PER_SECOND: f64 = 40e6;
+/// Operations per second of the factorisation, on one core (measured on bonsai292; `scale.md` §4 had 25e9).
+const FLOPS_PER_SECOND: f64 = 40e9;
+/// Observations per second of one implicit product in `f64`, on one core (measured on bonsai292: two passes, one by point
+/// and one by image, both bound by memory; the fused single pass of `scale.md` §4 had 25–35e6).
+const OBSERVATIONS_PER_SECOND: f64 = 11e6;
 /// Products that one inexact step takes on graphs that suit PCG (source: `scale.md` §5).
 const PCG_PRODUCTS: f64 = 20.0;
 /// Exact steps save iterations: they may cost this much more (source: `scale.md` §5).
@@ -79,18 +80,19 @@ impl ReducedSolver {
         normal: &CameraNormal,
         damped: &[DampedPoint],
         lambda: f64,
-        rhs: &[f64],
     ) -> Option<(Vec<f64>, usize)> {
         self.matrix.fill_zero();
         normal.add_to(structure, lambda, &mut self.matrix);
-        subtract_points(structure, linearization, damped, &mut self.matrix);
+        let mut rhs = normal.right_hand_side();
+        subtract_points(structure, linearization, damped, &mut self.matrix, &mut rhs);
+        normal.clear_removed(&mut rhs);
         self.matrix.remove_unknowns(&normal.removed);
         match &mut self.kind {
-            Kind::Cholesky(cholesky) => cholesky.solve(&self.matrix, rhs).ok().map(|x| (x, 1)),
+            Kind::Cholesky(cholesky) => cholesky.solve(&self.matrix, &rhs).ok().map(|x| (x, 1)),
             Kind::PcgExplicit => {
                 let preconditioner = BlockJacobi::new(&self.matrix);
                 let mut operator = Explicit(&self.matrix);
-                let result = pcg(&mut operator, |r, z| preconditioner.apply(r, z), rhs, &self.pcg);
+                let result = pcg(&mut operator, |r, z| preconditioner.apply(r, z), &rhs, &self.pcg);
                 Some((result.x, result.iterations))
             }
             Kind::PcgImplicit => {
@@ -104,7 +106,7 @@ impl ReducedSolver {
                     lambda,
                     projected: vec![[T::ZERO; 2]; structure.image.len()],
                 };
-                let result = pcg(&mut operator, |r, z| preconditioner.apply(r, z), rhs, &self.pcg);
+                let result = pcg(&mut operator, |r, z| preconditioner.apply(r, z), &rhs, &self.pcg);
                 Some((result.x, result.iterations))
             }
         }

@@ -71,7 +71,7 @@ fn derivatives_agree_with_central_differences() {
     active.update(|o| residual[o][0], |_| 0.0);
     assert_eq!(active.count(), 27);
     let mut linearization = Linearization::new(&structure);
-    linearization.update(&structure, &lattice, &cameras, &points, &residual, &active, Loss::Squared, depths.side);
+    linearization.update(&structure, &lattice, &cameras, &points, &residual, &active, Loss::Squared, 1.0, depths.side);
 
     let h = 1e-6;
     let agree = |plus: &[[f64; 2]], minus: &[[f64; 2]], o: usize, derivative: [f64; 2]| {
