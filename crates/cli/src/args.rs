@@ -189,7 +189,10 @@ pub(crate) struct BundleArgs {
     /// Where to write the result: a BAL file for a BAL file, a model for a model.
     #[arg(short, long, value_name = "PATH")]
     pub(crate) output: Option<PathBuf>,
-    /// Scalar of residuals and derivatives.
+    /// Where to compute.
+    #[arg(long, value_enum, default_value = "auto")]
+    pub(crate) backend: BundleBackend,
+    /// Scalar of residuals and derivatives on the processor.
     #[arg(long, value_enum, default_value = "f64")]
     pub(crate) precision: Precision,
     /// Whether the intrinsics of a model move (those of a BAL file always do; principal points never).
@@ -210,6 +213,16 @@ pub(crate) struct BundleArgs {
     /// Print events to standard output, one JSON object a line.
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum BundleBackend {
+    /// A hardware GPU where there is one and the problem is large, else the processor; says which and why.
+    Auto,
+    /// The processor.
+    Cpu,
+    /// A WebGPU device in single precision, a software one if need be.
+    Gpu,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

@@ -75,4 +75,8 @@ pub enum OptimizeError {
         /// Which start failed.
         stage: &'static str,
     },
+    /// The GPU failed or cannot do it.
+    #[cfg(feature = "gpu")]
+    #[error(transparent)]
+    Gpu(#[from] crate::gpu::GpuError),
 }

@@ -4,10 +4,16 @@
 //! any system and knows neither devices nor cameras. Points are eliminated; what is left for the cameras is in
 //! [`reduced`].
 
+// Unit tests share the scenes of the integration tests, which name this crate from outside.
+#[cfg(test)]
+extern crate self as epipole_optimize;
+
 pub mod active;
 pub mod bundle;
 mod error;
 pub mod executor;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod lm;
 pub mod loss;
 pub(crate) mod parallel;

@@ -6,6 +6,7 @@ mod error;
 mod fixtures;
 mod process;
 mod setup;
+mod shaders;
 mod test;
 
 use std::process::ExitCode;
@@ -34,6 +35,8 @@ enum Command {
     Damage(fixtures::DamageArguments),
     /// Writes `tests/fixtures` again.
     Fixtures,
+    /// Checks every WebGPU kernel with Naga and compiles each in headless Chromium.
+    Shaders(shaders::Arguments),
     /// Measures Epipole against pycolmap on the same inputs, in turn.
     Bench(bench::Arguments),
 }
@@ -46,6 +49,7 @@ fn main() -> ExitCode {
         Command::Synth(passed_on) => fixtures::synth(&passed_on),
         Command::Damage(arguments) => fixtures::damage(&arguments),
         Command::Fixtures => fixtures::regenerate(),
+        Command::Shaders(arguments) => shaders::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
     };
     match result {

@@ -1,5 +1,6 @@
 //! `epipole bundle`: bundle adjustment of a BAL file or a COLMAP model.
 
+mod backend;
 mod from_bal;
 mod from_model;
 
@@ -8,7 +9,7 @@ use std::time::Instant;
 use epipole_formats::{bal, write_model_binary};
 use epipole_optimize::Loss;
 use epipole_optimize::active::Activation;
-use epipole_optimize::bundle::{Options, Problem, solve_with};
+use epipole_optimize::bundle::{Options, Problem};
 use epipole_optimize::lm::{IterationRecord, LmOptions, LmReport, Observer, Termination};
 use serde_json::json;
 
@@ -85,10 +86,7 @@ fn solve(problem: &mut Problem, activation: Activation, args: &BundleArgs) -> Re
     let options = Options { lm, activation, ..Options::default() };
     let start = Instant::now();
     let mut watch = Watch { json: args.json };
-    let report = match args.precision {
-        Precision::F64 => solve_with::<f64>(problem, &options, &mut watch)?,
-        Precision::F32 => solve_with::<f32>(problem, &options, &mut watch)?,
-    };
+    let report = backend::solve(problem, &options, args.precision, args.backend, &mut watch)?;
     let seconds = start.elapsed().as_secs_f64();
     if args.json {
         output::json_line(&json!({

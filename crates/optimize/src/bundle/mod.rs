@@ -4,6 +4,8 @@
 //! in `f64`, or solved by PCG without forming it, whichever is estimated to be faster. The gauge is free.
 
 pub mod cpu;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 mod options;
 mod problem;
 mod validate;

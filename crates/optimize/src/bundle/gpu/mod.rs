@@ -1,0 +1,59 @@
+//! Bundle adjustment on a WebGPU device, in single precision (source: `solver.md` §1.3, §2).
+//!
+//! Jacobians are computed where they are needed and never stored; points are eliminated inside the operator; the
+//! reduced system is solved by PCG with Schur–Jacobi blocks. Only scalars are read back inside a solve, once a step.
+//! Pinhole and radial models and OPENCV; no parameter priors; [`Activation::Truncated`](crate::active::Activation) is
+//! left to the CPU: each is an error, not a silent fallback.
+
+mod lattice;
+mod layout;
+mod records;
+mod resident;
+mod system;
+#[cfg(test)]
+mod twin;
+mod write;
+
+pub use system::GpuSystem;
+
+use super::options::Options;
+use super::problem::Problem;
+use crate::error::OptimizeError;
+use crate::gpu::Device;
+use crate::lm::{IterationRecord, LmReport, Observer, minimize};
+use system::Failure;
+
+/// Stops the loop when the device fails.
+struct Guard<'a> {
+    inner: &'a mut dyn Observer,
+    failure: Failure,
+}
+
+impl Observer for Guard<'_> {
+    fn iteration(&mut self, record: &IterationRecord) {
+        self.inner.iteration(record);
+    }
+
+    fn should_stop(&self) -> bool {
+        self.failure.borrow().is_some() || self.inner.should_stop()
+    }
+}
+
+/// Solves on a GPU. The problem is left at the last accepted state, with its cost evaluated in `f64`; where the device
+/// fails on the way the problem is left as it was, and can be solved on another device or on the CPU.
+pub async fn solve(
+    device: &Device,
+    problem: &mut Problem,
+    options: &Options,
+    observer: &mut dyn Observer,
+) -> Result<LmReport, OptimizeError> {
+    let mut system = GpuSystem::new(device, problem, options)?;
+    let failure = system.failure();
+    let mut guard = Guard { inner: observer, failure: failure.clone() };
+    let mut report = minimize(&mut system, &options.lm, &mut guard).await;
+    if let Some(error) = failure.borrow().clone() {
+        return Err(error.into());
+    }
+    report.final_cost = system.write(problem).await?;
+    Ok(report)
+}

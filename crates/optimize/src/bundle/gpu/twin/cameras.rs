@@ -1,0 +1,124 @@
+//! Twins of the kernels that walk segments of an image, and of what gathers their sums.
+
+use super::num::{Num, add, cross, dot, sub, tree, zero};
+use super::points::{solve_normal, solve_row};
+use super::state::State;
+
+/// Unknowns of an image with its camera, and sums of a segment in the preconditioner.
+const SIDE: usize = 14;
+pub(super) const SUMS: usize = 120;
+
+impl<N: Num> State<N> {
+    /// Sums over segments: lanes take every 64th observation, then the tree.
+    fn by_segment(&self, value: impl Fn(usize, usize, N, usize) -> [N; 16]) -> Vec<[N; 16]> {
+        let segment = |&[image, start, end, _]: &[u32; 4]| {
+            let lane = |lane: usize| {
+                let mut sum = zero();
+                for o in (start as usize + lane..end as usize).step_by(64) {
+                    let (point, weight, index) = self.by_image[o];
+                    if weight.value() != 0.0 {
+                        sum = add(sum, value(image as usize, point, weight, index));
+                    }
+                }
+                sum
+            };
+            tree((0..64).map(lane).collect())
+        };
+        self.segments.iter().map(segment).collect()
+    }
+
+    /// By segment: squared norms of the camera columns, with the count in place 6.
+    pub(super) fn linearize_camera(&self) -> Vec<[N; 16]> {
+        self.by_segment(|image, point, weight, _| {
+            let row = self.row(point, image, weight);
+            let [x, y] = row.point;
+            let (rx, ry) = (cross(row.ray, x), cross(row.ray, y));
+            let params: [N; 8] =
+                std::array::from_fn(|k| row.params[0][k] * row.params[0][k] + row.params[1][k] * row.params[1][k]);
+            std::array::from_fn(|k| match k {
+                0..3 => rx[k] * rx[k] + ry[k] * ry[k],
+                3..6 => x[k - 3] * x[k - 3] + y[k - 3] * y[k - 3],
+                6 => N::of(1.0),
+                7 => N::of(0.0),
+                _ => params[k - 8],
+            })
+        })
+    }
+
+    /// By segment: `J_cᵀ v⊥` with `‖v⊥‖²` in place 6.
+    pub(super) fn product_camera(&self) -> Vec<[N; 16]> {
+        self.by_segment(|image, point, weight, _| {
+            let row = self.row(point, image, weight);
+            let (pose, camera) = (self.unit(7, image), self.unit(7, self.images + self.views[image].camera));
+            let x = std::array::from_fn(|k| if k < 8 { pose[k] } else { camera[k - 8] });
+            let v = sub(row.camera_product(&x), row.point_product(self.points[point].s));
+            row.camera_transposed(v)
+        })
+    }
+
+    /// By segment: upper triangle of the Schur–Jacobi block, then the right-hand side.
+    pub(super) fn precondition_camera(&self) -> Vec<[N; SUMS]> {
+        let segment = |&[image, start, end, _]: &[u32; 4]| {
+            let mut total: [N; SUMS] = zero();
+            for batch in (start as usize..end as usize).step_by(64) {
+                let mut sum: [N; SUMS] = zero();
+                for o in batch..(batch + 64).min(end as usize) {
+                    let (point, weight, index) = self.by_image[o];
+                    if weight.value() == 0.0 {
+                        continue;
+                    }
+                    let row = self.row(point, image as usize, weight);
+                    let z = row.point.map(|j| solve_row(&self.blocks[point], j));
+                    let one = N::of(1.0);
+                    let (mixed, mx, my) = (-dot(&z[0], &z[1]), one - dot(&z[0], &z[0]), one - dot(&z[1], &z[1]));
+                    let columns = |e| {
+                        let all = row.camera_transposed(e);
+                        let line: [N; SIDE] = std::array::from_fn(|k| if k < 6 { all[k] } else { all[k + 2] });
+                        line
+                    };
+                    let j = [columns([one, N::of(0.0)]), columns([N::of(0.0), one])];
+                    let moved = row.point_product(self.points[point].s);
+                    let r = self.residuals[index];
+                    let e = [weight * r[0] - moved[0], weight * r[1] - moved[1]];
+                    let mut k = 0;
+                    for a in 0..SIDE {
+                        for b in a..SIDE {
+                            let m = [mx * j[0][b] + mixed * j[1][b], mixed * j[0][b] + my * j[1][b]];
+                            sum[k] = sum[k] + (j[0][a] * m[0] + j[1][a] * m[1]);
+                            k += 1;
+                        }
+                    }
+                    for a in 0..SIDE {
+                        sum[k + a] = sum[k + a] - (j[0][a] * e[0] + j[1][a] * e[1]);
+                    }
+                }
+                total = add(total, sum);
+            }
+            total
+        };
+        self.segments.iter().map(segment).collect()
+    }
+
+    /// By unit: squared norms of the columns that are kept, as `scale_camera` sums them; zero where nothing may move.
+    pub(super) fn column_norms(&self) -> Vec<[N; 8]> {
+        let of_image = |image: usize| self.segments_of(image).map(|s| self.partials[s]).fold(zero(), add);
+        let unit = |unit: usize| {
+            let (norms, count): ([N; 8], N) = if unit < self.images {
+                let sum: [N; 16] = of_image(unit);
+                (std::array::from_fn(|k| if k < 6 { sum[k] } else { N::of(0.0) }), sum[6])
+            } else {
+                let images = self.members(unit - self.images).iter();
+                let sum: [N; 16] = images.map(|&i| of_image(i as usize)).fold(zero(), add);
+                (std::array::from_fn(|k| sum[8 + k]), sum[6])
+            };
+            let keep = |k: usize| count.value() >= 6.0 && self.freedom[unit][k].value() == 1.0;
+            std::array::from_fn(|k| if keep(k) { norms[k] } else { N::of(0.0) })
+        };
+        (0..self.images + self.cameras).map(unit).collect()
+    }
+
+    /// By point: the step it would take alone, with its damped block.
+    pub(super) fn newton(&self) -> Vec<[N; 3]> {
+        self.blocks.iter().map(|b| solve_normal(b, [b[2][0], b[2][1], b[2][2]])).collect()
+    }
+}

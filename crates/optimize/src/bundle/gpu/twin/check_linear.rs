@@ -1,0 +1,143 @@
+//! Kernels of the linearisation and of the preconditioner against their twins.
+
+use super::bench::{Bench, EXACT, compare, flat, square};
+use super::num::{Bounded, Num};
+use super::state::State;
+
+pub(super) fn check_linearization(bench: &Bench<'_>) {
+    let groups = bench.system.resident.groups;
+    let (twin, exact) = bench.twins();
+    bench.run("refresh", groups.points);
+    let after = State::<f32>::download(&bench.system);
+    let (t, e) = (twin.refresh(), exact.refresh());
+    let kept: Vec<usize> = (0..after.residuals.len()).filter(|&o| e[o].is_some()).collect();
+    let found: Vec<f32> = kept.iter().flat_map(|&o| [after.residuals[o][0], after.residuals[o][1]]).collect();
+    compare(
+        "refresh",
+        &found,
+        kept.iter().flat_map(|&o| t[o].expect("valid")),
+        kept.iter().flat_map(|&o| e[o].expect("valid")),
+    );
+    let out = (0..after.residuals.len()).filter(|&o| after.by_point[o].0 >> 31 == 1).count();
+    assert_eq!(out, after.residuals.len() - kept.len());
+
+    bench.run("reweight", groups.observations);
+    let (twin, exact) = bench.twins();
+    let found: Vec<f32> = twin.by_point.iter().map(|o| o.1).collect();
+    compare("reweight", &found, twin.reweight(), exact.reweight());
+    assert!(twin.by_image.iter().all(|&(_, weight, index)| weight == found[index]));
+
+    bench.run("linearize_point", groups.points);
+    let (twin, exact) = bench.twins();
+    let (t, e) = (twin.normal_equations(), exact.normal_equations());
+    let gradients: Vec<f32> = twin.blocks.iter().flat_map(|b| [b[2][0], b[2][1], b[2][2]]).collect();
+    compare("J_pᵀr", &gradients, t.iter().flat_map(|t| t.1), e.iter().flat_map(|e| e.1));
+    // R itself is as well determined as the point is; RᵀR is to rounding.
+    for (block, (normal, _)) in twin.blocks.iter().zip(&e) {
+        let three = |k: usize| std::array::from_fn(|j| f64::from(block[k][j]));
+        let found = square(three(0), three(1));
+        let scale = [normal[0].value, normal[3].value, normal[5].value].map(f64::sqrt);
+        for (k, (i, j)) in [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].into_iter().enumerate() {
+            let error = (found[k] - normal[k].value).abs();
+            assert!(error <= EXACT * scale[i] * scale[j] + 1e-30, "RᵀR: {found:?} {normal:?}");
+        }
+    }
+
+    bench.run("linearize_camera", groups.segments);
+    let (twin, exact) = bench.twins();
+    let found: Vec<f32> = flat(&twin.partials).collect();
+    compare("linearize_camera", &found, flat(&twin.linearize_camera()), flat(&exact.linearize_camera()));
+
+    bench.run("scale_camera", groups.unit_groups);
+    let (twin, exact) = bench.twins();
+    let found: Vec<f32> = (0..groups.units as usize).flat_map(|unit| twin.unit(0, unit)).collect();
+    let inverse_root = |v: f32| if v > 0.0 { 1.0 / v.sqrt() } else { 0.0 };
+    let exact_root = |v: Bounded| if v.value > 0.0 { Bounded::of(1.0) / v.root() } else { Bounded::of(0.0) };
+    let (t, e) = (twin.column_norms(), exact.column_norms());
+    compare("scale_camera", &found, flat(&t).map(inverse_root), flat(&e).map(exact_root));
+}
+
+pub(super) fn check_preconditioner(bench: &Bench<'_>) {
+    let (groups, buffers) = (bench.system.resident.groups, &bench.system.resident.buffers);
+    let (before, _) = bench.twins();
+    bench.run("damp_point", groups.points);
+    let (twin, exact) = bench.twins();
+    for block in exact.blocks.iter().filter(|b| b[3][3].value == 1.0) {
+        let three = |k: usize| std::array::from_fn(|j| block[k][j].value);
+        let (top, bottom): ([f64; 3], [f64; 3]) = (three(4), three(5));
+        let found = square([1.0 / top[0], top[1], top[2]], [1.0 / bottom[0], bottom[1], 1.0 / bottom[2]]);
+        let mut wanted = square(three(0), three(1));
+        for (k, at) in [0, 3, 5].into_iter().enumerate() {
+            wanted[at] += before.lambda.value() * block[3][k].value;
+        }
+        let scale = [wanted[0], wanted[3], wanted[5]].map(f64::sqrt);
+        for (k, (i, j)) in [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].into_iter().enumerate() {
+            assert!((found[k] - wanted[k]).abs() <= EXACT * scale[i] * scale[j], "{found:?} {wanted:?}");
+        }
+    }
+    let found: Vec<f32> = twin.points.iter().flat_map(|p| p.s).collect();
+    compare("y₀", &found, flat(&twin.newton()), flat(&exact.newton()));
+
+    bench.run("precondition_camera", groups.segments);
+    let found = bench.words(&buffers.block_sums, 120 * groups.segments as usize);
+    let (t, e) = (twin.precondition_camera(), exact.precondition_camera());
+    compare(
+        "precondition_camera",
+        found.chunks(120).flat_map(|row| &row[..119]),
+        t.iter().flat_map(|row| row[..119].to_vec()),
+        e.iter().flat_map(|row| row[..119].to_vec()),
+    );
+
+    bench.run("precondition_factor", groups.units);
+    let (twin, _) = bench.twins();
+    check_inverses(&twin, &found);
+
+    bench.run("pcg_start", 1);
+    let (after, _) = bench.twins();
+    let (twin, exact) = bench.twins();
+    let ((t, t_rz), (e, e_rz)) = (twin.pcg_start(), exact.pcg_start());
+    let found: Vec<f32> = (0..groups.units as usize).flat_map(|unit| after.unit(5, unit)).collect();
+    compare("pcg_start", &found, flat(&t), flat(&e));
+    compare("rᵀz", &[after.vectors[0][2]], [t_rz], [e_rz]);
+}
+
+/// Inverse times block is the identity, on the unknowns that move; and the right-hand side is the scaled sum.
+fn check_inverses(state: &State<f32>, block_sums: &[f32]) {
+    let (images, units) = (state.images, state.images + state.cameras);
+    for unit in 0..units {
+        let members: Vec<usize> = match unit.checked_sub(images) {
+            None => vec![unit],
+            Some(camera) => state.members(camera).iter().map(|&i| i as usize).collect(),
+        };
+        let camera = if unit < images { state.views[unit].camera } else { unit - images };
+        let owned = state.members(camera).len() == 1;
+        let (begin, end) = if unit >= images { (6, 14) } else { (0, if owned { 14 } else { 6 }) };
+        let scale =
+            |k: usize| f64::from(if k < 6 { state.unit(0, unit)[k] } else { state.unit(0, images + camera)[k - 6] });
+        let sum = |k: usize| -> f64 {
+            let segments = members.iter().flat_map(|&i| state.segments_of(i));
+            segments.map(|s| f64::from(block_sums[120 * s + k])).sum()
+        };
+        let free: Vec<usize> = (begin..end).filter(|&k| scale(k) != 0.0).collect();
+        for &i in &free {
+            for &j in &free {
+                let product: f64 = free
+                    .iter()
+                    .map(|&k| {
+                        let (low, high) = (i.min(k), i.max(k));
+                        let entry = scale(i) * scale(k) * sum(14 * low - low * (low + 1) / 2 + high);
+                        let damped = if i == k { entry + f64::from(state.lambda) } else { entry };
+                        damped * f64::from(state.inverses[unit][14 * k + j])
+                    })
+                    .sum();
+                let wanted = if i == j { 1.0 } else { 0.0 };
+                assert!((product - wanted).abs() < 2e-2, "unit {unit}, {i} {j}: {product}");
+            }
+            if !(unit >= images && owned) {
+                let (at, k) = if i < 6 { (unit, i) } else { (images + camera, i - 6) };
+                let (found, wanted) = (f64::from(state.unit(1, at)[k]), scale(i) * sum(105 + i));
+                assert!((found - wanted).abs() <= EXACT * (wanted.abs() + 1.0), "unit {unit}, {i}: {found} {wanted}");
+            }
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! Kernels of PCG, of the step and of the trial against their twins.
+
+use glam::{DMat3, DQuat, DVec3};
+
+use super::bench::{Bench, compare, flat};
+use super::num::Bounded;
+use super::state::View;
+
+pub(super) fn check_pcg(bench: &Bench<'_>) {
+    let groups = bench.system.resident.groups;
+    for _ in 0..3 {
+        bench.run("product_point", groups.points);
+        let (twin, exact) = bench.twins();
+        let ((t, t_sums), (e, e_sums)) = (twin.product_point(), exact.product_point());
+        let found: Vec<f32> = twin.points.iter().flat_map(|p| p.s).collect();
+        compare("product_point", &found, flat(&t), flat(&e));
+        let found: Vec<f32> = twin.product_sums.iter().map(|s| s[0]).collect();
+        compare("λ‖y‖²", &found, flat(&t_sums), flat(&e_sums));
+
+        bench.run("product_camera", groups.segments);
+        let (twin, exact) = bench.twins();
+        let found: Vec<f32> = flat(&twin.partials).collect();
+        compare("product_camera", &found, flat(&twin.product_camera()), flat(&exact.product_camera()));
+
+        bench.run("pcg_step", 1);
+        let (after, _) = bench.twins();
+        let (t, e) = (twin.pcg_step(), exact.pcg_step());
+        let sections = [2, 3, 4, 5];
+        let found: Vec<f32> =
+            (0..groups.units as usize).flat_map(|u| sections.map(|s| after.unit(s, u))).flatten().collect();
+        compare(
+            "pcg_step",
+            &found,
+            t.units.iter().flatten().flatten().copied(),
+            e.units.iter().flatten().flatten().copied(),
+        );
+        let scalars = [after.vectors[0][0], after.vectors[0][2], after.vectors[0][3], after.vectors[1][0]];
+        compare("pcg scalars", &scalars, t.scalars, e.scalars);
+    }
+}
+
+pub(super) fn check_cameras(bench: &Bench<'_>) {
+    let groups = bench.system.resident.groups;
+    bench.run("step_camera", groups.unit_groups);
+    bench.run("change_camera", groups.unit_groups);
+    let (_, state) = bench.twins();
+    let (images, cameras) = (state.images, state.cameras);
+    let cell = state.cell.value;
+    for i in 0..images {
+        let (before, after, change) = (&state.views[i], &state.views[i + images], &state.views[i + 2 * images]);
+        let (s, x) = (state.unit(0, i), state.unit(2, i));
+        let step: [f64; 6] = std::array::from_fn(|k| s[k].value * x[k].value);
+        let matrix =
+            |v: &View<Bounded>| DMat3::from_cols_array_2d(&v.rotation.map(|row| row.map(|n| n.value))).transpose();
+        let wanted = matrix(before) * DMat3::from_quat(DQuat::from_scaled_axis(DVec3::new(step[0], step[1], step[2])));
+        assert!(matrix(after).abs_diff_eq(wanted, 1e-6), "image {i}");
+        assert!((matrix(after) * matrix(after).transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-6));
+        assert!(matrix(change).abs_diff_eq(matrix(after) - matrix(before), 1e-9));
+        for k in 0..3 {
+            let position = |v: &View<Bounded>| cell * f64::from(v.cell[k]) + v.center[k].value;
+            let moved = position(after) - position(before);
+            assert!((moved - step[3 + k]).abs() < 1e-6 * cell, "image {i}: {moved} {}", step[3 + k]);
+            assert!((change.center[k].value - moved).abs() < 1e-6 * cell && after.center[k].value.abs() <= cell);
+        }
+    }
+    for c in 0..cameras {
+        for k in 0..8 {
+            let of = |block: usize| state.intrinsics[c + block * cameras][k].value;
+            let slot = if k == 1 && state.single_focal[c] { 0 } else { k };
+            let step = state.unit(0, images + c)[slot].value * state.unit(2, images + c)[slot].value;
+            assert!((of(1) - of(0) - step).abs() <= 1e-6 * of(0).abs() + 1e-7, "camera {c}, parameter {k}");
+            assert!((of(2) - (of(1) - of(0))).abs() <= 1e-7 * (of(1) - of(0)).abs());
+        }
+    }
+}
+
+pub(super) fn check_trial(bench: &Bench<'_>) {
+    let (groups, buffers) = (bench.system.resident.groups, &bench.system.resident.buffers);
+    let (twin, exact) = bench.twins();
+    bench.run("back_substitute", groups.points);
+    let (after, _) = bench.twins();
+    let ((t, t_sums), (e, e_sums)) = (twin.back_substitute(), exact.back_substitute());
+    let found: Vec<f32> = after.points.iter().flat_map(|p| p.s).collect();
+    compare("back_substitute", &found, flat(&t), flat(&e));
+    let sums = bench.words(&buffers.step_sums, 8 * groups.points as usize);
+    compare("its sums", sums.chunks(8).flat_map(|row| &row[..2]), flat(&t_sums), flat(&e_sums));
+
+    bench.run("change_point", groups.points);
+    let (twin, exact) = bench.twins();
+    assert!(twin.points.iter().zip(&twin.changes).all(|(p, c)| (0..3).all(|k| c[k] == p.s[k] - p.offset[k])));
+
+    bench.run("trial", groups.points);
+    let (after, _) = bench.twins();
+    let ((t, t_sums), (e, e_sums)) = (twin.trial(), exact.trial());
+    let found: Vec<f32> = after.residuals.iter().flat_map(|r| [r[2], r[3]]).collect();
+    compare("trial", &found, flat(&t), flat(&e));
+    let sums = bench.words(&buffers.trial_sums, 8 * groups.points as usize);
+    compare("its sums", sums.chunks(8).flat_map(|row| &row[..2]), flat(&t_sums), flat(&e_sums));
+
+    bench.run("commit_camera", groups.unit_groups);
+    bench.run("commit_point", groups.points);
+    let (_, done) = bench.twins();
+    let cell = done.cell.value;
+    for (p, (before, now)) in after.points.iter().zip(&done.points).enumerate() {
+        for k in 0..3 {
+            let tried = f64::from(before.s[k]) + cell * f64::from(before.cell[k]);
+            assert_eq!(tried, now.offset[k].value + cell * f64::from(now.cell[k]), "point {p}");
+        }
+    }
+    for (o, (before, now)) in after.residuals.iter().zip(&done.residuals).enumerate() {
+        let left = before[2] == super::points::INVALID;
+        let kept = if left { [before[0], before[1]] } else { [before[2], before[3]] };
+        assert_eq!(kept.map(f64::from), [now[0].value, now[1].value]);
+        assert_eq!(done.by_point[o].0 >> 31 == 1, left || after.by_point[o].0 >> 31 == 1);
+    }
+}

@@ -1,0 +1,165 @@
+//! Twins of the kernels that walk tracks, one point an invocation.
+
+use super::num::{Num, Vec3, add, dot, scale, sub, tree, zero};
+use super::observation::{Row, rotate};
+use super::state::{Block, State};
+use crate::bundle::gpu::records::OUT;
+
+/// What the trial finds for an observation that falls behind its camera, as `INVALID` in `types.wgsl`.
+pub(super) const INVALID: f32 = 1e30;
+
+/// `(R̃ᵀR̃)⁻¹ g` with the damped triangle of a block.
+pub(super) fn solve_normal<N: Num>(block: &Block<N>, g: Vec3<N>) -> Vec3<N> {
+    let (top, bottom) = (block[4], block[5]);
+    let y = solve_row(block, g);
+    let c = y[2] * bottom[2];
+    let b = (y[1] - bottom[1] * c) * bottom[0];
+    [(y[0] - top[1] * b - top[2] * c) * top[0], b, c]
+}
+
+/// `v R̃⁻¹`.
+pub(super) fn solve_row<N: Num>(block: &Block<N>, v: Vec3<N>) -> Vec3<N> {
+    let (top, bottom) = (block[4], block[5]);
+    let a = v[0] * top[0];
+    let b = (v[1] - a * top[1]) * bottom[0];
+    [a, b, (v[2] - a * top[2] - b * bottom[1]) * bottom[2]]
+}
+
+impl<N: Num> State<N> {
+    fn num_points(&self) -> usize {
+        self.points.len()
+    }
+
+    /// The rows of a point's observations that count.
+    fn rows_of(&self, p: usize) -> impl Iterator<Item = (usize, usize, Row<N>)> + '_ {
+        self.track(p).filter(|&o| self.by_point[o].1.value() != 0.0).map(move |o| {
+            let image = (self.by_point[o].0 & !OUT) as usize;
+            (o, image, self.row(p, image, self.by_point[o].1))
+        })
+    }
+
+    /// Sums over workgroups of 64 points.
+    fn grouped<const W: usize>(&self, value: impl Fn(usize) -> [N; W]) -> Vec<[N; W]> {
+        let lane = |p: usize| if p < self.num_points() { value(p) } else { zero() };
+        (0..self.num_points()).step_by(64).map(|first| tree((first..first + 64).map(lane).collect())).collect()
+    }
+
+    /// By observation: residual from scratch, `None` where there is no projection.
+    pub(super) fn refresh(&self) -> Vec<Option<[N; 2]>> {
+        let mut out = Vec::new();
+        for p in 0..self.num_points() {
+            for o in self.track(p) {
+                let view = &self.views[(self.by_point[o].0 & !OUT) as usize];
+                let q = rotate(view, self.ray(&self.points[p], view));
+                let c = &self.intrinsics[view.camera];
+                let point = super::observation::distorted(c, [q[0] / q[2], q[1] / q[2]]);
+                let r = std::array::from_fn(|k| c[k] * point[k] + (c[2 + k] - self.pixels[o][k]));
+                out.push((q[2].value() > 0.0).then_some(r));
+            }
+        }
+        out
+    }
+
+    /// By observation: root of the weight.
+    pub(super) fn reweight(&self) -> Vec<N> {
+        let weight = |(o, r): (usize, &[N; 4])| {
+            let counts = self.by_point[o].0 & OUT == 0;
+            if counts { self.loss_weight(dot(&r[..2], &r[..2])).root() } else { N::of(0.0) }
+        };
+        self.residuals.iter().enumerate().map(weight).collect()
+    }
+
+    /// By point: `J_pᵀ J_p` (00 01 02 11 12 22) and `J_pᵀ r`.
+    pub(super) fn normal_equations(&self) -> Vec<([N; 6], Vec3<N>)> {
+        let one = |p| {
+            let (mut normal, mut gradient) = (zero(), zero());
+            for (o, _, row) in self.rows_of(p) {
+                let w = self.by_point[o].1;
+                gradient = add(gradient, row.point_transposed([w * self.residuals[o][0], w * self.residuals[o][1]]));
+                for j in row.point {
+                    let products = [j[0] * j[0], j[0] * j[1], j[0] * j[2], j[1] * j[1], j[1] * j[2], j[2] * j[2]];
+                    normal = add(normal, products);
+                }
+            }
+            (normal, gradient)
+        };
+        (0..self.num_points()).map(one).collect()
+    }
+
+    /// By point: `J_pᵀ J_c x` for camera steps by unit, and its solution with the damped block.
+    fn moved(&self, p: usize, start: Vec3<N>, step: impl Fn(usize) -> [N; 8]) -> Vec3<N> {
+        let mut gradient = start;
+        if self.blocks[p][3][3].value() == 1.0 {
+            for (_, image, row) in self.rows_of(p) {
+                let (pose, camera) = (step(image), step(self.images + self.views[image].camera));
+                let x = std::array::from_fn(|k| if k < 8 { pose[k] } else { camera[k - 8] });
+                gradient = add(gradient, row.point_transposed(row.camera_product(&x)));
+            }
+        }
+        solve_normal(&self.blocks[p], gradient)
+    }
+
+    /// By point: y; by workgroup: λ‖y‖² in column scale.
+    pub(super) fn product_point(&self) -> (Vec<Vec3<N>>, Vec<[N; 1]>) {
+        let y: Vec<_> = (0..self.num_points()).map(|p| self.moved(p, zero(), |unit| self.unit(7, unit))).collect();
+        let squares = |p: usize| {
+            let n = self.blocks[p][3];
+            [self.lambda * dot(&[n[0] * y[p][0], n[1] * y[p][1], n[2] * y[p][2]], &y[p])]
+        };
+        let sums = self.grouped(squares);
+        (y, sums)
+    }
+
+    /// By point: tried position; by workgroup: ‖y‖² in column scale and `gᵀy₀`.
+    pub(super) fn back_substitute(&self) -> (Vec<Vec3<N>>, Vec<[N; 2]>) {
+        let gradient = |p: usize| [self.blocks[p][2][0], self.blocks[p][2][1], self.blocks[p][2][2]];
+        let scaled = |unit| {
+            let (s, x) = (self.unit(0, unit), self.unit(2, unit));
+            std::array::from_fn(|k| s[k] * x[k])
+        };
+        let y: Vec<_> = (0..self.num_points()).map(|p| self.moved(p, gradient(p), scaled)).collect();
+        let sums = self.grouped(|p| {
+            let n = self.blocks[p][3];
+            let alone = solve_normal(&self.blocks[p], gradient(p));
+            let scaled = [n[0] * y[p][0], n[1] * y[p][1], n[2] * y[p][2]];
+            [dot(&scaled, &y[p]), dot(&gradient(p), &alone)]
+        });
+        (self.points.iter().zip(&y).map(|(point, &y)| sub(point.offset, y)).collect(), sums)
+    }
+
+    /// By observation: tried residual; by workgroup: change of the cost, cost after.
+    pub(super) fn trial(&self) -> (Vec<[N; 2]>, Vec<[N; 2]>) {
+        let mut after = Vec::with_capacity(self.residuals.len());
+        let mut terms = Vec::with_capacity(self.num_points());
+        for (p, point) in self.points.iter().enumerate() {
+            let mut sum: [N; 2] = zero();
+            for o in self.track(p) {
+                let image = (self.by_point[o].0 & !OUT) as usize;
+                let r = [self.residuals[o][0], self.residuals[o][1]];
+                let mut tried = r;
+                if self.by_point[o].0 & OUT == 0 {
+                    let (view, next) = (&self.views[image], &self.views[image + self.images]);
+                    let change = &self.views[image + 2 * self.images];
+                    let ray = self.ray(point, view);
+                    let q = rotate(view, ray);
+                    let c = self.changes[p];
+                    let moved = sub([c[0], c[1], c[2]], change.center);
+                    let dq = add(rotate(change, ray), rotate(next, moved));
+                    if (q[2] + dq[2]).value() > 0.0 {
+                        let dr = self.project_change(view.camera, q, dq);
+                        tried = add(r, dr);
+                        let ds = dot(&dr, &add(scale(r, N::of(2.0)), dr));
+                        sum[0] = sum[0] + self.loss_difference(dot(&r, &r), ds);
+                    } else {
+                        tried = [N::of(INVALID); 2];
+                    }
+                }
+                let counted = if tried[0].value() == f64::from(INVALID) { r } else { tried };
+                sum[1] = sum[1] + self.loss_value(dot(&counted, &counted));
+                after.push(tried);
+            }
+            terms.push(sum);
+        }
+        (after, self.grouped(|p| terms[p]))
+    }
+}

@@ -1,0 +1,143 @@
+//! A copy of the device's buffers as numbers.
+
+use pollster::block_on;
+
+use super::num::{Num, Vec3};
+use crate::bundle::gpu::GpuSystem;
+
+#[derive(Clone)]
+pub(super) struct View<N> {
+    pub(super) rotation: [Vec3<N>; 3],
+    pub(super) center: Vec3<N>,
+    pub(super) cell: [i32; 3],
+    pub(super) camera: usize,
+}
+
+#[derive(Clone)]
+pub(super) struct Point<N> {
+    pub(super) offset: Vec3<N>,
+    pub(super) cell: [i32; 3],
+    pub(super) s: Vec3<N>,
+}
+
+/// As `Block` in `block.wgsl`: six rows of four.
+pub(super) type Block<N> = [[N; 4]; 6];
+
+/// Everything that kernels read.
+pub(super) struct State<N> {
+    pub(super) cell: N,
+    pub(super) lambda: N,
+    pub(super) loss: (u32, N),
+    pub(super) images: usize,
+    pub(super) cameras: usize,
+    pub(super) tracks: Vec<u32>,
+    pub(super) segments: Vec<[u32; 4]>,
+    pub(super) topology: Vec<u32>,
+    pub(super) freedom: Vec<[N; 8]>,
+    pub(super) pixels: Vec<[N; 2]>,
+    pub(super) views: Vec<View<N>>,
+    /// fx, fy, cx, cy, k1, k2, p1, p2.
+    pub(super) intrinsics: Vec<[N; 8]>,
+    pub(super) single_focal: Vec<bool>,
+    pub(super) points: Vec<Point<N>>,
+    pub(super) changes: Vec<[N; 4]>,
+    /// Image (with OUT) and weight.
+    pub(super) by_point: Vec<(u32, N)>,
+    /// Point, weight, place in the points' order.
+    pub(super) by_image: Vec<(usize, N, usize)>,
+    pub(super) residuals: Vec<[N; 4]>,
+    pub(super) blocks: Vec<Block<N>>,
+    pub(super) partials: Vec<[N; 16]>,
+    pub(super) product_sums: Vec<[N; 8]>,
+    pub(super) inverses: Vec<[N; 196]>,
+    /// Four rows of state, then sections of two rows a unit.
+    pub(super) vectors: Vec<[N; 4]>,
+}
+
+impl<N: Num> State<N> {
+    pub(super) fn download(system: &GpuSystem<'_>) -> Self {
+        let (layout, buffers, params) = (&system.layout, &system.resident.buffers, &system.resident.params);
+        let (images, cameras, points) = (layout.views.len(), layout.intrinsics.len(), layout.points.len());
+        let words = |buffer, count| block_on(system.device().download::<u32>(buffer, count)).expect("a live device");
+        let real = |w: u32| N::of(f32::from_bits(w));
+        let rows4 = |buffer, count: usize| -> Vec<[N; 4]> {
+            words(buffer, 4 * count).chunks_exact(4).map(|w| std::array::from_fn(|k| real(w[k]))).collect()
+        };
+        let observations = layout.by_point.len();
+        let views = words(&buffers.views, 48 * images);
+        let intrinsics = words(&buffers.intrinsics, 36 * cameras);
+        let points_words = words(&buffers.points, 8 * points);
+        Self {
+            cell: N::of(params.cell),
+            lambda: N::of(params.lambda),
+            loss: (params.loss.0, N::of(params.loss.1)),
+            images,
+            cameras,
+            tracks: layout.tracks.clone(),
+            segments: layout.segments.clone(),
+            topology: layout.topology.clone(),
+            freedom: layout.freedom.iter().map(|f| f.map(N::of)).collect(),
+            pixels: layout.pixels.iter().map(|p| p.map(N::of)).collect(),
+            views: views
+                .chunks_exact(16)
+                .map(|w| View {
+                    rotation: std::array::from_fn(|k| std::array::from_fn(|j| real(w[4 * k + j]))),
+                    center: std::array::from_fn(|k| real(w[4 * k + 3])),
+                    cell: std::array::from_fn(|k| w[12 + k] as i32),
+                    camera: w[15] as usize,
+                })
+                .collect(),
+            single_focal: intrinsics.chunks_exact(12).map(|w| w[8] == 1).collect(),
+            intrinsics: intrinsics.chunks_exact(12).map(|w| std::array::from_fn(|k| real(w[k]))).collect(),
+            points: points_words
+                .chunks_exact(8)
+                .map(|w| Point {
+                    offset: std::array::from_fn(|k| real(w[k])),
+                    cell: std::array::from_fn(|k| (w[3] >> (10 * k) & 1023) as i32),
+                    s: std::array::from_fn(|k| real(w[4 + k])),
+                })
+                .collect(),
+            changes: rows4(&buffers.changes, points),
+            by_point: words(&buffers.by_point, 2 * observations).chunks_exact(2).map(|w| (w[0], real(w[1]))).collect(),
+            by_image: words(&buffers.by_image, 4 * observations)
+                .chunks_exact(4)
+                .map(|w| (w[0] as usize, real(w[1]), w[2] as usize))
+                .collect(),
+            residuals: rows4(&buffers.residuals, observations),
+            blocks: rows4(&buffers.blocks, 6 * points).chunks_exact(6).map(|b| std::array::from_fn(|k| b[k])).collect(),
+            partials: words(&buffers.partials, 16 * layout.segments.len())
+                .chunks_exact(16)
+                .map(|w| std::array::from_fn(|k| real(w[k])))
+                .collect(),
+            product_sums: words(&buffers.product_sums, 8 * points.div_ceil(64))
+                .chunks_exact(8)
+                .map(|w| std::array::from_fn(|k| real(w[k])))
+                .collect(),
+            inverses: words(&buffers.inverses, 196 * (images + cameras))
+                .chunks_exact(196)
+                .map(|w| std::array::from_fn(|k| real(w[k])))
+                .collect(),
+            vectors: rows4(&buffers.vectors, 4 + 16 * (images + cameras)),
+        }
+    }
+
+    /// A unit's eight numbers in a section of the vectors.
+    pub(super) fn unit(&self, section: usize, unit: usize) -> [N; 8] {
+        let at = 4 + section * 2 * (self.images + self.cameras) + 2 * unit;
+        std::array::from_fn(|k| self.vectors[at + k / 4][k % 4])
+    }
+
+    pub(super) fn members(&self, camera: usize) -> &[u32] {
+        let at = self.images + 1 + camera;
+        let first = self.images + self.cameras + 2;
+        &self.topology[first + self.topology[at] as usize..first + self.topology[at + 1] as usize]
+    }
+
+    pub(super) fn segments_of(&self, image: usize) -> std::ops::Range<usize> {
+        self.topology[image] as usize..self.topology[image + 1] as usize
+    }
+
+    pub(super) fn track(&self, point: usize) -> std::ops::Range<usize> {
+        self.tracks[point] as usize..self.tracks[point + 1] as usize
+    }
+}

@@ -1,0 +1,83 @@
+//! Every kernel of a step on a device against its twins, each from the device's own state before it.
+
+#[path = "../../../../tests/common/mod.rs"]
+mod common;
+
+use epipole_geometry::camera::CameraModel;
+use glam::{DVec2, DVec3};
+
+use super::bench::Bench;
+use super::check_linear::{check_linearization, check_preconditioner};
+use super::check_step::{check_cameras, check_pcg, check_trial};
+use crate::bundle::gpu::GpuSystem;
+use crate::bundle::{Options, PoseFreedom, Problem};
+use crate::gpu::Device;
+use crate::gpu::tests::device;
+use crate::loss::Loss;
+
+fn check(device: &Device, problem: &Problem) {
+    let mut system = GpuSystem::new(device, problem, &Options::default()).expect("a good problem");
+    system.resident.params.lambda = 1e-4;
+    device.write(&system.resident.buffers.params, &system.resident.params.words());
+    let bench = Bench { system };
+    check_linearization(&bench);
+    check_preconditioner(&bench);
+    check_pcg(&bench);
+    check_cameras(&bench);
+    check_trial(&bench);
+}
+
+#[test]
+fn kernels_agree_with_their_twins_on_many_small_cameras() {
+    let Some(device) = device() else { return };
+    let params = vec![900.0, 880.0, 500.0, 500.0, 0.05, -0.02, 1e-3, -2e-3];
+    let refine = vec![0, 1, 4, 5, 6, 7];
+    let scene = common::Scene { model: CameraModel::OpenCv, params, refine, shared: false, ..common::Scene::default() };
+    let mut problem = common::ring(&scene);
+    common::perturb(&mut problem, 0.3, 0.02, 3);
+    problem.loss = Loss::Huber(1.0);
+    problem.pose_freedom[2] = PoseFreedom::RotationFixed;
+    // An image without observations, a point seen once, and one behind everything that sees it.
+    problem.cam_from_world.push(problem.cam_from_world[0]);
+    problem.image_camera.push(0);
+    problem.pose_freedom.push(PoseFreedom::Free);
+    problem.points.push(DVec3::ZERO);
+    problem.observation_image.push(1);
+    problem.observation_px.push(DVec2::splat(500.0));
+    problem.track_start.push(problem.observation_image.len() as u32);
+    problem.points.push(problem.cam_from_world[0].center() * 40.0);
+    problem.observation_image.extend([0, 0, 1]);
+    problem.observation_px.extend([DVec2::splat(500.0); 3]);
+    problem.track_start.push(problem.observation_image.len() as u32);
+    check(&device, &problem);
+}
+
+#[test]
+fn kernels_agree_with_their_twins_on_large_cameras_and_long_tracks() {
+    let Some(device) = device() else { return };
+    let scene = common::Scene { images: 40, points: 800, track: 8, band: 40, ..common::Scene::default() };
+    let mut problem = common::ring(&scene);
+    // One camera with 10 000 observations in all, one track of 500 (images see it more than once).
+    for p in 0..10_000 {
+        let point = problem.points[p % 800] * 0.9;
+        problem.points.push(point);
+        for image in [7, 7 + 1 + p as u32 % 30] {
+            let pose = problem.cam_from_world[image as usize];
+            let px = problem.cameras[0].project(pose.transform_point(point)).expect("in front of the ring");
+            problem.observation_image.push(image);
+            problem.observation_px.push(px + DVec2::new(0.3, -0.2));
+        }
+        problem.track_start.push(problem.observation_image.len() as u32);
+    }
+    problem.points.push(DVec3::new(0.1, 0.2, -0.1));
+    for k in 0..500 {
+        let pose = problem.cam_from_world[k % 40];
+        let px = problem.cameras[0].project(pose.transform_point(DVec3::new(0.1, 0.2, -0.1)));
+        problem.observation_image.push(k as u32 % 40);
+        problem.observation_px.push(px.expect("in front of the ring") + DVec2::new(0.1 * (k % 7) as f64, 0.0));
+    }
+    problem.track_start.push(problem.observation_image.len() as u32);
+    common::perturb(&mut problem, 0.1, 0.01, 3);
+    problem.loss = Loss::Cauchy(2.0);
+    check(&device, &problem);
+}

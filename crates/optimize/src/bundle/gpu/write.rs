@@ -1,0 +1,77 @@
+//! From the device back into the problem.
+
+use epipole_geometry::Rigid3;
+use epipole_geometry::camera::project;
+use glam::{DMat3, DQuat, DVec3};
+
+use super::records::{Intrinsics, OUT, Point, View, param_slots};
+use super::system::GpuSystem;
+use crate::bundle::problem::{PoseFreedom, Problem};
+use crate::gpu::GpuError;
+
+impl GpuSystem<'_> {
+    /// Writes the accepted state back, and returns its cost evaluated from the written values in `f64`.
+    pub async fn write(&self, problem: &mut Problem) -> Result<f64, GpuError> {
+        let (device, buffers) = (self.device(), &self.resident.buffers);
+        let views: Vec<View> = device.download(&buffers.views, problem.cam_from_world.len()).await?;
+        let intrinsics: Vec<Intrinsics> = device.download(&buffers.intrinsics, problem.cameras.len()).await?;
+        let points: Vec<Point> = device.download(&buffers.points, problem.points.len()).await?;
+        let residuals: Vec<[f32; 4]> = device.download(&buffers.residuals, self.layout.by_point.len()).await?;
+        let by_point: Vec<[u32; 2]> = device.download(&buffers.by_point, self.layout.by_point.len()).await?;
+        self.write_state(problem, &views, &intrinsics, &points);
+        let mut sum = 0.0;
+        for (p, track) in self.layout.tracks.windows(2).enumerate() {
+            let part: f64 = (track[0] as usize..track[1] as usize)
+                .map(|o| {
+                    let image = (by_point[o][0] & !OUT) as usize;
+                    let kept = residuals[o];
+                    let kept = f64::from(kept[0]).powi(2) + f64::from(kept[1]).powi(2);
+                    let counts = by_point[o][0] & OUT == 0;
+                    problem.loss.value(if counts { self.square(problem, p, image, o).unwrap_or(kept) } else { kept })
+                })
+                .sum();
+            sum += part;
+        }
+        Ok(0.5 * sum)
+    }
+
+    /// Squared residual of an observation in `f64`.
+    fn square(&self, problem: &Problem, point: usize, image: usize, o: usize) -> Option<f64> {
+        let camera = &problem.cameras[problem.image_camera[image] as usize];
+        let q = problem.cam_from_world[image].transform_point(problem.points[point]);
+        let q = if q.z < 0.0 && !self.resident.params.check_depth { -q } else { q };
+        let [x, y] = project(camera.model, &camera.params, q.to_array())?;
+        let px = self.layout.pixels[o].map(f64::from);
+        Some((x - px[0]).powi(2) + (y - px[1]).powi(2))
+    }
+
+    fn write_state(&self, problem: &mut Problem, views: &[View], intrinsics: &[Intrinsics], points: &[Point]) {
+        let lattice = &self.layout.lattice;
+        let real = f32::from_bits;
+        for ((pose, view), freedom) in problem.cam_from_world.iter_mut().zip(views).zip(&problem.pose_freedom) {
+            let row = |k: usize| DVec3::from_array(std::array::from_fn(|j| f64::from(real(view[4 * k + j]))));
+            let rotation = DQuat::from_mat3(&DMat3::from_cols(row(0), row(1), row(2)).transpose()).normalize();
+            let cell = std::array::from_fn(|k| view[12 + k] as i32);
+            let center = lattice.center_position(cell, std::array::from_fn(|k| real(view[4 * k + 3])));
+            match freedom {
+                PoseFreedom::Free => *pose = Rigid3::from_rotation_and_center(rotation, center),
+                PoseFreedom::RotationFixed => *pose = Rigid3::from_rotation_and_center(pose.rotation, center),
+                PoseFreedom::Fixed => {}
+            }
+        }
+        for ((camera, values), refine) in problem.cameras.iter_mut().zip(intrinsics).zip(&problem.refine_params) {
+            let slots = param_slots(camera.model).unwrap_or_default();
+            for ((param, &slot), &free) in camera.params.iter_mut().zip(slots).zip(refine) {
+                if free {
+                    *param = f64::from(real(values[slot]));
+                }
+            }
+        }
+        for (p, (position, point)) in problem.points.iter_mut().zip(points).enumerate() {
+            let seen = self.layout.tracks[p] < self.layout.tracks[p + 1];
+            if seen && !problem.fixed_points {
+                *position = lattice.position(point[3], std::array::from_fn(|k| real(point[k])));
+            }
+        }
+    }
+}

@@ -1,0 +1,91 @@
+//! The one table of kernels: whatever runs on a device is listed here, and a test holds the shaders to it.
+
+mod bundle;
+
+pub use bundle::*;
+
+/// How a kernel uses a buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// Uniform buffer.
+    Uniform,
+    /// Storage buffer, read only.
+    Read,
+    /// Storage buffer, read and written.
+    Write,
+}
+
+/// A buffer of a kernel. Its place in [`Kernel::bindings`] is its `@binding`, always in group 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Binding {
+    /// Name of the variable in the shader.
+    pub name: &'static str,
+    /// How it is used.
+    pub access: Access,
+}
+
+/// A kernel. Its entry point is called as the kernel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Kernel {
+    /// Name of kernel and entry point.
+    pub name: &'static str,
+    /// File below `shaders/`.
+    pub file: &'static str,
+    /// Invocations of a workgroup, along x.
+    pub workgroup_size: u32,
+    /// Buffers.
+    pub bindings: &'static [Binding],
+}
+
+const fn uniform(name: &'static str) -> Binding {
+    Binding { name, access: Access::Uniform }
+}
+
+const fn read(name: &'static str) -> Binding {
+    Binding { name, access: Access::Read }
+}
+
+const fn write(name: &'static str) -> Binding {
+    Binding { name, access: Access::Write }
+}
+
+/// Writes each workgroup's linear index: shows that dispatches beyond one dimension reach every group once.
+pub const PROBE: Kernel = Kernel {
+    name: "probe",
+    file: "common/probe.wgsl",
+    workgroup_size: 64,
+    bindings: &[uniform("probe_params"), write("groups")],
+};
+
+/// Sums rows of eight values (the eighth: maximum) by spans, one span a workgroup.
+pub const REDUCE: Kernel = Kernel {
+    name: "reduce",
+    file: "common/reduce.wgsl",
+    workgroup_size: 64,
+    bindings: &[uniform("reduce_params"), read("rows"), write("sums")],
+};
+
+/// Every kernel.
+pub const KERNELS: &[Kernel] = &[
+    PROBE,
+    REFRESH,
+    REWEIGHT,
+    LINEARIZE_POINT,
+    LINEARIZE_CAMERA,
+    SCALE_CAMERA,
+    DAMP_POINT,
+    PRECONDITION_CAMERA,
+    PRECONDITION_FACTOR,
+    PCG_START,
+    PRODUCT_POINT,
+    PRODUCT_CAMERA,
+    PCG_STEP,
+    STEP_CAMERA,
+    CHANGE_CAMERA,
+    BACK_SUBSTITUTE,
+    CHANGE_POINT,
+    TRIAL,
+    COMMIT_CAMERA,
+    COMMIT_POINT,
+    REDUCE,
+];

@@ -1,0 +1,270 @@
+//! The table's rows for bundle adjustment, in the order in which a step runs them (source: `solver.md` §2.5).
+
+use super::{Kernel, REDUCE, read, uniform, write};
+
+/// Residuals from scratch and their cost.
+pub const REFRESH: Kernel = Kernel {
+    name: "refresh",
+    file: "bundle/refresh.wgsl",
+    workgroup_size: 64,
+    bindings: &[
+        uniform("params"),
+        read("views"),
+        read("intrinsics"),
+        read("points"),
+        read("tracks"),
+        write("by_point"),
+        read("pixels"),
+        write("residuals"),
+        write("sums"),
+    ],
+};
+
+/// Robust weights in both orders of the observations.
+pub const REWEIGHT: Kernel = Kernel {
+    name: "reweight",
+    file: "bundle/reweight.wgsl",
+    workgroup_size: 64,
+    bindings: &[uniform("params"), read("residuals"), read("image_order"), write("by_point"), write("by_image")],
+};
+
+/// Undamped point blocks by Givens QR.
+pub const LINEARIZE_POINT: Kernel = Kernel {
+    name: "linearize_point",
+    file: "bundle/linearize_point.wgsl",
+    workgroup_size: 64,
+    bindings: &[
+        uniform("params"),
+        read("views"),
+        read("intrinsics"),
+        read("points"),
+        read("tracks"),
+        read("by_point"),
+        read("residuals"),
+        write("blocks"),
+    ],
+};
+
+/// Squared norms of the camera columns, by segment.
+pub const LINEARIZE_CAMERA: Kernel = Kernel {
+    name: "linearize_camera",
+    file: "bundle/linearize_camera.wgsl",
+    workgroup_size: 64,
+    bindings: &[
+        uniform("params"),
+        read("views"),
+        read("intrinsics"),
+        read("points"),
+        read("segments"),
+        read("by_image"),
+        write("partials"),
+    ],
+};
+
+/// Column scales of the camera unknowns.
+pub const SCALE_CAMERA: Kernel = Kernel {
+    name: "scale_camera",
+    file: "bundle/scale_camera.wgsl",
+    workgroup_size: 64,
+    bindings: &[uniform("params"), read("partials"), read("topology"), read("freedom"), write("vectors")],
+};
+
+/// Point blocks at one damping.
+pub const DAMP_POINT: Kernel = Kernel {
+    name: "damp_point",
+    file: "bundle/damp_point.wgsl",
+    workgroup_size: 64,
+    bindings: &[uniform("params"), write("points"), write("blocks")],
+};
+
+/// Schur–Jacobi sums and the right-hand side, by segment.
+pub const PRECONDITION_CAMERA: Kernel = Kernel {
+    name: "precondition_camera",
+    file: "bundle/precondition_camera.wgsl",
+    workgroup_size: 64,
+    bindings: &[
+        uniform("params"),
+        read("views"),
+        read("intrinsics"),
+        read("points"),
+        read("blocks"),
+        read("segments"),
+        read("by_image"),
+        read("residuals"),
+        write("block_sums"),
+    ],
+};
+
+/// Inverses of the preconditioner's blocks.
+pub const PRECONDITION_FACTOR: Kernel = Kernel {
+    name: "precondition_factor",
+    file: "bundle/precondition_factor.wgsl",
+    workgroup_size: 64,
+    bindings: &[
+        uniform("params"),
+        read("block_sums"),
+        read("topology"),
+        read("views"),
+        write("vectors"),
+        write("inverses"),
+    ],
+};
+
+/// PCG at zero.
+pub const PCG_START: Kernel = Kernel {
+    name: "pcg_start",
+    file: "bundle/pcg_start.wgsl",
+    workgroup_size: 256,
+    bindings: &[uniform("params"), read("topology"), read("views"), read("inverses"), write("vectors")],
+};
+
+/// First half of the reduced operator, by point.
+pub const PRODUCT_POINT: Kernel = Kernel {
+    name: "product_point",
+    file: "bundle/product_point.wgsl",
+    workgroup_size: 64,
+    bindings: &[
+        uniform("params"),
+        read("views"),
+        read("intrinsics"),
+        write("points"),
+        read("tracks"),
+        read("by_point"),
+        read("blocks"),
+        read("vectors"),
+        write("sums"),
+    ],
+};
+
+/// Second half, by segment of an image.
+pub const PRODUCT_CAMERA: Kernel = Kernel {
+    name: "product_camera",
+    file: "bundle/product_camera.wgsl",
+    workgroup_size: 64,
+    bindings: &[
+        uniform("params"),
+        read("views"),
+        read("intrinsics"),
+        read("points"),
+        read("segments"),
+        read("by_image"),
+        read("vectors"),
+        write("partials"),
+    ],
+};
+
+/// The vector half of a PCG iteration.
+pub const PCG_STEP: Kernel = Kernel {
+    name: "pcg_step",
+    file: "bundle/pcg_step.wgsl",
+    workgroup_size: 256,
+    bindings: &[
+        uniform("params"),
+        read("topology"),
+        read("views"),
+        read("inverses"),
+        write("vectors"),
+        read("partials"),
+        read("sums"),
+    ],
+};
+
+/// Tried poses and intrinsics.
+pub const STEP_CAMERA: Kernel = Kernel {
+    name: "step_camera",
+    file: "bundle/step_camera.wgsl",
+    workgroup_size: 64,
+    bindings: &[uniform("params"), read("vectors"), write("views"), write("intrinsics")],
+};
+
+/// Their change from the accepted state.
+pub const CHANGE_CAMERA: Kernel = Kernel {
+    name: "change_camera",
+    file: "bundle/change_camera.wgsl",
+    workgroup_size: 64,
+    bindings: &[uniform("params"), write("views"), write("intrinsics")],
+};
+
+/// Tried points.
+pub const BACK_SUBSTITUTE: Kernel = Kernel {
+    name: "back_substitute",
+    file: "bundle/back_substitute.wgsl",
+    workgroup_size: 64,
+    bindings: &[
+        uniform("params"),
+        read("views"),
+        read("intrinsics"),
+        write("points"),
+        read("tracks"),
+        read("by_point"),
+        read("blocks"),
+        read("vectors"),
+        write("sums"),
+    ],
+};
+
+/// Their change from the accepted state.
+pub const CHANGE_POINT: Kernel = Kernel {
+    name: "change_point",
+    file: "bundle/change_point.wgsl",
+    workgroup_size: 64,
+    bindings: &[uniform("params"), read("points"), write("changes")],
+};
+
+/// Residuals at the tried state, as exact differences.
+pub const TRIAL: Kernel = Kernel {
+    name: "trial",
+    file: "bundle/trial.wgsl",
+    workgroup_size: 64,
+    bindings: &[
+        uniform("params"),
+        read("views"),
+        read("intrinsics"),
+        read("points"),
+        read("changes"),
+        read("tracks"),
+        read("by_point"),
+        write("residuals"),
+        write("sums"),
+    ],
+};
+
+/// Accepts the tried poses and intrinsics.
+pub const COMMIT_CAMERA: Kernel = Kernel {
+    name: "commit_camera",
+    file: "bundle/commit_camera.wgsl",
+    workgroup_size: 64,
+    bindings: &[uniform("params"), write("views"), write("intrinsics")],
+};
+
+/// Accepts the tried points and residuals.
+pub const COMMIT_POINT: Kernel = Kernel {
+    name: "commit_point",
+    file: "bundle/commit_point.wgsl",
+    workgroup_size: 64,
+    bindings: &[uniform("params"), write("points"), read("tracks"), write("by_point"), write("residuals")],
+};
+
+/// The kernels of bundle adjustment.
+pub const BUNDLE: &[Kernel] = &[
+    REFRESH,
+    REWEIGHT,
+    LINEARIZE_POINT,
+    LINEARIZE_CAMERA,
+    SCALE_CAMERA,
+    DAMP_POINT,
+    PRECONDITION_CAMERA,
+    PRECONDITION_FACTOR,
+    PCG_START,
+    PRODUCT_POINT,
+    PRODUCT_CAMERA,
+    PCG_STEP,
+    STEP_CAMERA,
+    CHANGE_CAMERA,
+    BACK_SUBSTITUTE,
+    CHANGE_POINT,
+    TRIAL,
+    COMMIT_CAMERA,
+    COMMIT_POINT,
+    REDUCE,
+];

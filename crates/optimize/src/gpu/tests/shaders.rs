@@ -1,0 +1,97 @@
+//! Every shader is valid, stays within WebGPU's default limits, and is what the table says.
+
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+use naga::{AddressSpace, Module, StorageAccess};
+
+use crate::gpu::compose::{SOURCES, compose};
+use crate::gpu::kernels::{Access, KERNELS};
+use crate::gpu::{GpuError, split_groups};
+
+/// WebGPU's default limits.
+const STORAGE_BUFFERS: usize = 8;
+const INVOCATIONS: u32 = 256;
+const WORKGROUP_BYTES: u32 = 16_384;
+
+fn parse(file: &str) -> Module {
+    let text = compose(file).expect("all imports are listed");
+    let module =
+        naga::front::wgsl::parse_str(&text).unwrap_or_else(|e| panic!("{}", e.emit_to_string_with_path(&text, file)));
+    let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
+    validator.validate(&module).unwrap_or_else(|e| panic!("{}", e.emit_to_string_with_path(&text, file)));
+    module
+}
+
+#[test]
+fn every_kernel_is_valid_and_as_the_table_says() {
+    for kernel in KERNELS {
+        let module = parse(kernel.file);
+        let entries: Vec<_> = module.entry_points.iter().filter(|e| e.name == kernel.name).collect();
+        assert_eq!(entries.len(), 1, "{}: one entry point of that name", kernel.name);
+        assert_eq!(entries[0].workgroup_size, [kernel.workgroup_size, 1, 1], "{}", kernel.name);
+        let mut found: Vec<_> = module
+            .global_variables
+            .iter()
+            .filter_map(|(_, variable)| {
+                let binding = variable.binding.as_ref()?;
+                assert_eq!(binding.group, 0, "{}", kernel.name);
+                let access = match variable.space {
+                    AddressSpace::Uniform => Access::Uniform,
+                    AddressSpace::Storage { access } if access.contains(StorageAccess::STORE) => Access::Write,
+                    AddressSpace::Storage { .. } => Access::Read,
+                    space => panic!("{}: unexpected {space:?}", kernel.name),
+                };
+                Some((binding.binding, variable.name.clone().unwrap_or_default(), access))
+            })
+            .collect();
+        found.sort_by_key(|f| f.0);
+        let listed: Vec<_> =
+            kernel.bindings.iter().zip(0..).map(|(b, slot)| (slot, b.name.to_string(), b.access)).collect();
+        assert_eq!(found, listed, "{}", kernel.name);
+    }
+}
+
+#[test]
+fn every_kernel_fits_the_default_limits() {
+    for kernel in KERNELS {
+        let storage = kernel.bindings.iter().filter(|b| b.access != Access::Uniform).count();
+        assert!(storage <= STORAGE_BUFFERS, "{}: {storage} storage buffers", kernel.name);
+        assert!(kernel.workgroup_size <= INVOCATIONS, "{}", kernel.name);
+        let module = parse(kernel.file);
+        let mut layouter = naga::proc::Layouter::default();
+        layouter.update(module.to_ctx()).expect("a valid module");
+        let workgroup = module.global_variables.iter().filter(|(_, v)| v.space == AddressSpace::WorkGroup);
+        let bytes: u32 = workgroup.map(|(_, v)| layouter[v.ty].size).sum();
+        assert!(bytes <= WORKGROUP_BYTES, "{}: {bytes} bytes of workgroup memory", kernel.name);
+    }
+}
+
+#[test]
+fn every_file_is_used_and_unknown_imports_are_errors() {
+    let texts: Vec<String> = KERNELS.iter().map(|k| compose(k.file).expect("listed")).collect();
+    for (path, source) in SOURCES {
+        let body = source.lines().filter(|l| !l.starts_with("#import")).map(|l| format!("{l}\n")).collect::<String>();
+        assert!(texts.iter().any(|t| t.contains(&body)), "no kernel uses {path}");
+    }
+    let once = compose("common/reduce.wgsl").expect("listed");
+    assert_eq!(once.matches("fn linear_group").count(), 1);
+    assert_eq!(compose("none.wgsl"), Err(GpuError::UnknownShader { file: "none.wgsl".into() }));
+}
+
+#[test]
+fn no_kernel_tests_for_nan_by_comparison() {
+    // Fast-math compilers drop `x != x` (source: solver.md §1.5).
+    for (path, source) in SOURCES {
+        assert!(!source.contains("isNan") && !source.contains("x != x"), "{path}");
+    }
+}
+
+#[test]
+fn splits_cover_all_groups_within_the_limit() {
+    for groups in [1, 64, 65_535, 65_536, 69_632, 1_000_003, 65_535 * 65_535] {
+        let [x, y] = split_groups(groups).expect("fits");
+        assert!(x <= 65_535 && y <= 65_535);
+        let covered = u64::from(x) * u64::from(y);
+        assert!(covered >= groups && covered - groups < u64::from(y), "{groups}: {x} × {y}");
+    }
+    assert!(split_groups(65_535 * 65_535 + 1).is_err());
+}

@@ -1,0 +1,52 @@
+// Compiles WGSL files as compute pipelines in headless Chromium, whose compiler (Tint) refuses what Naga accepts.
+// Usage: node compile_shaders.mjs FOLDER CHROMIUM   (playwright-core must be resolvable from the working folder)
+
+import { createRequire } from 'node:module';
+import { readFileSync, readdirSync } from 'node:fs';
+import { createServer } from 'node:http';
+import { join } from 'node:path';
+
+const { chromium } = createRequire(join(process.cwd(), 'package.json'))('playwright-core');
+const [folder, executablePath] = process.argv.slice(2);
+const shaders = readdirSync(folder)
+  .filter((name) => name.endsWith('.wgsl'))
+  .sort()
+  .map((name) => ({ name: name.replace('.wgsl', ''), code: readFileSync(join(folder, name), 'utf8') }));
+if (shaders.length === 0) throw new Error(`no shaders in ${folder}`);
+
+// WebGPU exists in secure contexts only; localhost is one.
+const server = createServer((_, response) => response.end('<!doctype html>')).listen(0, '127.0.0.1');
+const browser = await chromium.launch({
+  executablePath,
+  args: [
+    '--no-sandbox', '--enable-unsafe-webgpu', '--disable-quic', '--no-first-run', '--disable-background-networking',
+    '--disable-component-update', '--disable-sync',
+  ],
+});
+try {
+  const page = await browser.newPage();
+  await page.goto(`http://127.0.0.1:${server.address().port}/`);
+  const failures = await page.evaluate(async (list) => {
+    const adapter = await navigator.gpu?.requestAdapter();
+    if (!adapter) return ['this Chromium has no WebGPU adapter'];
+    // No limits asked for: WebGPU's defaults.
+    const device = await adapter.requestDevice();
+    const found = [];
+    for (const { name, code } of list) {
+      device.pushErrorScope('validation');
+      const module = device.createShaderModule({ label: name, code });
+      const { messages } = await module.getCompilationInfo();
+      for (const m of messages.filter((m) => m.type === 'error')) found.push(`${name}:${m.lineNum}: ${m.message}`);
+      device.createComputePipeline({ label: name, layout: 'auto', compute: { module, entryPoint: name } });
+      const error = await device.popErrorScope();
+      if (error) found.push(`${name}: ${error.message}`);
+    }
+    return found;
+  }, shaders);
+  for (const failure of failures) console.error(failure);
+  console.log(`${shaders.length} kernels compiled in Chromium ${browser.version()}, ${failures.length} errors`);
+  process.exitCode = failures.length === 0 ? 0 : 1;
+} finally {
+  await browser.close();
+  server.close();
+}

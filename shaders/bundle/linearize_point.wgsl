@@ -1,0 +1,63 @@
+// The undamped block of each point.
+
+#import "common/dispatch.wgsl"
+#import "bundle/row.wgsl"
+#import "bundle/block.wgsl"
+
+// Ratio of R's diagonal beyond which a point has no position, as on the CPU.
+const RANK_RATIO = 1e6;
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> views: array<View>;
+@group(0) @binding(2) var<storage, read> intrinsics: array<Intrinsics>;
+@group(0) @binding(3) var<storage, read> points: array<Point>;
+@group(0) @binding(4) var<storage, read> tracks: array<u32>;
+@group(0) @binding(5) var<storage, read> by_point: array<ByPoint>;
+@group(0) @binding(6) var<storage, read> residuals: array<vec4f>;
+@group(0) @binding(7) var<storage, read_write> blocks: array<Block>;
+
+@compute @workgroup_size(64)
+fn linearize_point(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) num_groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let p = linear_group(group, num_groups) * 64u + lane;
+    if p >= params.points {
+        return;
+    }
+    let point = points[p];
+    var r = Triangle(vec3f(), vec3f());
+    var gradient = vec3f();
+    var count = 0u;
+    for (var o = tracks[p]; o < tracks[p + 1u]; o += 1u) {
+        let weight = by_point[o].weight;
+        if weight == 0.0 {
+            continue;
+        }
+        let view = views[by_point[o].image & IMAGE_MASK];
+        let row = row_of(point, view, intrinsics[view.camera], params.cell, weight);
+        r = fold_row(r, row.px);
+        r = fold_row(r, row.py);
+        let e = weight * residuals[o].xy;
+        gradient += row.px * e.x + row.py * e.y;
+        count += 1u;
+    }
+    let diagonal = abs(vec3f(r.top.x, r.bottom.x, r.bottom.z));
+    let low = min(diagonal.x, min(diagonal.y, diagonal.z));
+    let high = max(diagonal.x, max(diagonal.y, diagonal.z));
+    let free = params.fixed_points == 0u && count >= 2u && low * RANK_RATIO > high;
+    let norms = vec3f(
+        r.top.x * r.top.x,
+        r.top.y * r.top.y + r.bottom.x * r.bottom.x,
+        r.top.z * r.top.z + r.bottom.y * r.bottom.y + r.bottom.z * r.bottom.z,
+    );
+    blocks[p] = Block(
+        vec4f(r.top, 0.0),
+        vec4f(r.bottom, 0.0),
+        vec4f(gradient, 0.0),
+        vec4f(norms, select(0.0, 1.0, free)),
+        vec4f(),
+        vec4f(),
+    );
+}

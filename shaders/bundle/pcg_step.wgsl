@@ -1,0 +1,132 @@
+// The vector half of a PCG iteration, with the stop of an inexact Newton step: the last iteration improved the model by
+// less than η of its mean improvement (Nash and Sofer; source: solver.md §5.2). One workgroup.
+
+#import "bundle/pcg.wgsl"
+
+@group(0) @binding(5) var<storage, read> partials: array<CameraStep>;
+@group(0) @binding(6) var<storage, read> sums: array<Eight>;
+
+var<workgroup> is_done: u32;
+
+// One image's part of J_cᵀ v⊥ by its camera's parameters.
+fn camera_part(image: u32) -> Unit {
+    var sum = Unit(vec4f(), vec4f());
+    for (var s = topology[image]; s < topology[image + 1u]; s += 1u) {
+        sum.a += partials[s].linear;
+        sum.b += partials[s].distortion;
+    }
+    return sum;
+}
+
+// Scales a sum, adds the damping, and keeps it. Returns the direction's square.
+fn finish_product(unit: u32, sum: Unit) -> f32 {
+    let scale = load(SCALE, unit);
+    let p = load(DIRECTION, unit);
+    store(PRODUCT, unit, Unit(scale.a * sum.a + params.lambda * p.a, scale.b * sum.b + params.lambda * p.b));
+    return dot_unit(p, p);
+}
+
+@compute @workgroup_size(256)
+fn pcg_step(@builtin(local_invocation_index) lane: u32) {
+    if lane == 0u {
+        is_done = select(0u, 1u, vectors[0].y != 0.0);
+    }
+    if workgroupUniformLoad(&is_done) == 1u {
+        return;
+    }
+    let units = params.images + params.cameras;
+    let state = vectors[0];
+    var squares = 0.0;
+    var direction_squares = 0.0;
+    for (var g = lane; g < params.point_groups; g += LANES) {
+        squares += sums[g].a.x;
+    }
+    for (var image = lane; image < params.images; image += LANES) {
+        var sum = Unit(vec4f(), vec4f());
+        for (var s = topology[image]; s < topology[image + 1u]; s += 1u) {
+            sum.a += partials[s].a;
+            sum.b += partials[s].b;
+        }
+        squares += sum.b.z;
+        direction_squares += finish_product(image, Unit(sum.a, vec4f(sum.b.xy, 0.0, 0.0)));
+    }
+    for (var camera = lane; camera < params.cameras; camera += LANES) {
+        let at = cameras_at(params.images) + camera;
+        if topology[at + 1u] - topology[at] <= FEW_IMAGES {
+            var sum = Unit(vec4f(), vec4f());
+            for (var m = topology[at]; m < topology[at + 1u]; m += 1u) {
+                let part = camera_part(topology[members_at(params.images, params.cameras) + m]);
+                sum = Unit(sum.a + part.a, sum.b + part.b);
+            }
+            direction_squares += finish_product(params.images + camera, sum);
+        }
+    }
+    for (var big = 0u; big < params.big_cameras; big += 1u) {
+        let camera = topology[big_at(params.images, params.cameras) + big];
+        let at = cameras_at(params.images) + camera;
+        var sum = Eight(vec4f(), vec4f());
+        for (var m = topology[at] + lane; m < topology[at + 1u]; m += LANES) {
+            let part = camera_part(topology[members_at(params.images, params.cameras) + m]);
+            sum = Eight(sum.a + part.a, sum.b + part.b);
+        }
+        // The tree's eighth number is a maximum: the last parameter's sum goes through a second tree.
+        let total = reduce_eight(lane, sum);
+        workgroupBarrier();
+        let last = reduce_eight(lane, Eight(vec4f(sum.b.w, 0.0, 0.0, 0.0), vec4f()));
+        workgroupBarrier();
+        if lane == 0u {
+            let all = Unit(total.a, vec4f(total.b.xyz, last.a.x));
+            direction_squares += finish_product(params.images + camera, all);
+        }
+    }
+    storageBarrier();
+    let curvatures = reduce_eight(lane, Eight(vec4f(squares, direction_squares, 0.0, 0.0), vec4f()));
+    workgroupBarrier();
+    // A sum of squares: not positive means that nothing is left of the direction.
+    let curvature = curvatures.a.x + params.lambda * curvatures.a.y;
+    let alive = curvature > 0.0 && is_finite(curvature);
+    let alpha = select(0.0, state.z / curvature, alive);
+    for (var unit = lane; unit < units; unit += LANES) {
+        let p = load(DIRECTION, unit);
+        let q = load(PRODUCT, unit);
+        let x = load(X, unit);
+        let r = load(RESIDUAL, unit);
+        store(X, unit, Unit(x.a + alpha * p.a, x.b + alpha * p.b));
+        store(RESIDUAL, unit, Unit(r.a - alpha * q.a, r.b - alpha * q.b));
+    }
+    storageBarrier();
+    var improved = 0.0;
+    var rz = 0.0;
+    var length = 0.0;
+    var largest = 0.0;
+    for (var unit = lane; unit < units; unit += LANES) {
+        let z = precondition(unit);
+        let x = load(X, unit);
+        let r = load(RESIDUAL, unit);
+        let b = load(RHS, unit);
+        store(Z, unit, z);
+        improved += dot_unit(x, Unit(b.a + r.a, b.b + r.b));
+        rz += dot_unit(r, z);
+        length += dot_unit(x, x);
+        largest = max(largest, max_unit(x));
+    }
+    let total = reduce_eight(lane, Eight(vec4f(improved, rz, length, 0.0), vec4f(0.0, 0.0, 0.0, largest)));
+    let beta = total.a.y / state.z;
+    for (var unit = lane; unit < units; unit += LANES) {
+        let z = load(Z, unit);
+        let p = load(DIRECTION, unit);
+        let scale = load(SCALE, unit);
+        let next = Unit(z.a + beta * p.a, z.b + beta * p.b);
+        store(DIRECTION, unit, next);
+        store(SCALED, unit, Unit(scale.a * next.a, scale.b * next.b));
+    }
+    storageBarrier();
+    if lane == 0u {
+        let iterations = state.x + 1.0;
+        let slow = iterations * (total.a.x - state.w) < params.eta * total.a.x;
+        let enough = iterations >= f32(params.min_iterations) && slow;
+        let more = alive && total.a.y > 0.0 && is_finite(total.a.y) && iterations < f32(params.max_iterations) && !enough;
+        vectors[0] = vec4f(iterations, select(1.0, 0.0, more), total.a.y, total.a.x);
+        vectors[1] = vec4f(total.a.z, total.b.w, 0.0, 0.0);
+    }
+}

@@ -1,0 +1,17 @@
+// Who belongs to whom, as one array: segments of each image (images + 1 offsets), images of each camera (cameras + 1
+// offsets), those images in order, then the cameras with many images.
+
+// Cameras with more images than this are summed by a whole workgroup.
+const FEW_IMAGES = 32u;
+
+fn cameras_at(images: u32) -> u32 {
+    return images + 1u;
+}
+
+fn members_at(images: u32, cameras: u32) -> u32 {
+    return images + cameras + 2u;
+}
+
+fn big_at(images: u32, cameras: u32) -> u32 {
+    return 2u * images + cameras + 2u;
+}

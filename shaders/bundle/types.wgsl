@@ -1,0 +1,105 @@
+// What the bundle kernels share: records as crates/optimize/src/bundle/gpu/records.rs lays them out.
+
+#import "common/perspective.wgsl"
+
+struct Params {
+    points: u32,
+    observations: u32,
+    images: u32,
+    cameras: u32,
+    segments: u32,
+    // Size of a lattice cell, a power of two.
+    cell: f32,
+    loss: u32,
+    loss_scale: f32,
+    lambda: f32,
+    // 1 where only observations in front of their camera count.
+    check_depth: u32,
+    fixed_points: u32,
+    eta: f32,
+    min_iterations: u32,
+    max_iterations: u32,
+    point_groups: u32,
+    big_cameras: u32,
+}
+
+// Three blocks of images follow one another: accepted state, tried state, change between them.
+struct View {
+    // Rows of cam_from_world, with the centre's offset inside its cell as fourth column.
+    r0: vec4f,
+    r1: vec4f,
+    r2: vec4f,
+    // Lattice cell of the centre, camera of the image.
+    cell: vec3i,
+    camera: u32,
+}
+
+struct Point {
+    x: f32,
+    y: f32,
+    z: f32,
+    // Lattice cell, 10 bits an axis.
+    cell: u32,
+    // A step or a tried position, by kernel.
+    s: vec3f,
+    padding: f32,
+}
+
+// An observation in the points' order.
+struct ByPoint {
+    // Image, with OUT set where the observation does not count.
+    image: u32,
+    // Root of its weight.
+    weight: f32,
+}
+
+// An observation in the images' order.
+struct ByImage {
+    point: u32,
+    weight: f32,
+    // Its place in the points' order.
+    index: u32,
+    padding: u32,
+}
+
+// At most 512 observations of one image.
+struct Segment {
+    image: u32,
+    start: u32,
+    end: u32,
+    padding: u32,
+}
+
+const OUT = 0x80000000u;
+const IMAGE_MASK = 0x7fffffffu;
+// The mark of a tried residual without a valid projection: no pixel is that far.
+const INVALID = 1e30;
+// Depths nearer to zero than this have no projection in f32.
+const MIN_DEPTH = 1e-20;
+
+fn has_projection(check_depth: u32, z: f32) -> bool {
+    return select(abs(z) > MIN_DEPTH, z > MIN_DEPTH, check_depth == 1u);
+}
+
+fn is_finite(x: f32) -> bool {
+    return (bitcast<u32>(x) & 0x7f800000u) != 0x7f800000u;
+}
+
+fn position(p: Point) -> vec3f {
+    return vec3f(p.x, p.y, p.z);
+}
+
+fn point_cell(p: Point) -> vec3i {
+    return vec3i(vec3u(p.cell, p.cell >> 10u, p.cell >> 20u) & vec3u(1023u));
+}
+
+// X − C in the world frame: cells are subtracted as integers, which nothing can round or reorder
+// (source: solver.md §1.3 c).
+fn ray_to(p: Point, view: View, cell: f32) -> vec3f {
+    let center = vec3f(view.r0.w, view.r1.w, view.r2.w);
+    return cell * vec3f(point_cell(p) - view.cell) + (position(p) - center);
+}
+
+fn rotate(view: View, v: vec3f) -> vec3f {
+    return vec3f(dot(view.r0.xyz, v), dot(view.r1.xyz, v), dot(view.r2.xyz, v));
+}
