@@ -15,10 +15,11 @@ const RUSTUP_LIMIT: Duration = Duration::from_secs(180);
 /// A step says what it found or did.
 type Step = fn() -> Result<String, Error>;
 
-const STEPS: [(&str, Step); 4] = [
+const STEPS: [(&str, Step); 5] = [
     ("Rust compiler", rust_compiler),
     ("rustfmt and clippy", rust_components),
     ("C compiler (for SQLite)", c_compiler),
+    ("Vulkan on the processor (for the WebGPU tests)", software_vulkan),
     ("crates", crates),
 ];
 
@@ -85,6 +86,27 @@ fn c_compiler() -> Result<String, Error> {
 fn has_c_headers() -> bool {
     let preprocess = "printf '#include <stdio.h>\\n' | cc -E -x c - -o /dev/null";
     output("sh", &["-c", preprocess]).is_some()
+}
+
+/// Mesa's lavapipe: where no GPU is, the WebGPU kernels run on it. Nothing else needs it, so its absence is no error.
+fn software_vulkan() -> Result<String, Error> {
+    let present = || {
+        let drivers = std::fs::read_dir("/usr/share/vulkan/icd.d").into_iter().flatten().flatten();
+        drivers.into_iter().any(|entry| entry.file_name().to_string_lossy().contains("lvp"))
+    };
+    if present() {
+        return Ok("present".into());
+    }
+    let advice = "on Debian `sudo apt-get install mesa-vulkan-drivers libvulkan1`";
+    let missing = format!("NOT PRESENT: the WebGPU tests leave themselves out; {advice}");
+    if output("id", &["-u"]).as_deref() != Some("0") || output("apt-get", &["--version"]).is_none() {
+        return Ok(missing);
+    }
+    let install = ["install", "-y", "--no-install-recommends", "mesa-vulkan-drivers", "libvulkan1"];
+    match apt(&["update"], advice).and_then(|()| apt(&install, advice)) {
+        Ok(()) => Ok("installed".into()),
+        Err(_) => Ok(missing),
+    }
 }
 
 fn apt(arguments: &[&str], advice: &str) -> Result<(), Error> {

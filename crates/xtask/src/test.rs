@@ -19,8 +19,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Error> {
         checked("fmt", &["fmt", "--all", "--check"], "run `cargo fmt --all`")?;
         let lints = ["clippy", "--workspace", "--all-targets", "--locked", "--", "-D", "warnings"];
         checked("clippy", &lints, "")?;
+        let packages = ["--package", "epipole-optimize", "--package", "epipole", "--features", "gpu"];
+        checked(
+            "clippy",
+            &[&["clippy", "--locked", "--all-targets"], &packages[..], &["--", "-D", "warnings"]].concat(),
+            "",
+        )?;
     }
-    step(&["test", "--workspace", "--locked", "--no-fail-fast"], "")
+    step(&["test", "--workspace", "--locked", "--no-fail-fast"], "")?;
+    // Only here does wgpu come in: everything above compiles and runs without it.
+    let kernels = ["--package", "epipole-optimize", "--features", "gpu", "--lib", "--test", "gpu"];
+    step(&[&["test", "--locked", "--no-fail-fast"], &kernels[..]].concat(), "")
 }
 
 /// A step whose tool may be missing on a machine without rustup's components: then it is left out, loudly.

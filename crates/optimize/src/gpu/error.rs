@@ -19,10 +19,8 @@ pub enum GpuError {
         /// What wgpu said.
         reason: String,
     },
-    /// The device went away: driver reset, unplugged, destroyed. The last accepted state is intact.
-    #[error(
-        "the GPU device was lost ({reason}); the last accepted state stands, continue on a new device or on the CPU"
-    )]
+    /// The device went away: driver reset, unplugged, destroyed. The problem is as it was before the solve.
+    #[error("the GPU device was lost ({reason}); the problem is as it was, solve it on a new device or on the CPU")]
     Lost {
         /// What wgpu said.
         reason: String,
