@@ -237,17 +237,10 @@ mod tests {
             pairs: pairs
                 .iter()
                 .map(|&(image1, image2, inliers)| Pair {
-                    image1,
-                    image2,
                     config: PairConfig::Calibrated,
-                    fundamental: None,
-                    essential: None,
-                    homography: None,
-                    cam2_from_cam1: None,
-                    solver_cameras: [None, None],
                     inliers: inliers.to_vec(),
-                    matches: None,
                     num_matches: inliers.len(),
+                    ..Pair::unverified(image1, image2)
                 })
                 .collect(),
         }

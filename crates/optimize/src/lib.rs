@@ -14,6 +14,7 @@ mod error;
 pub mod executor;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+mod grouping;
 pub mod lm;
 pub mod loss;
 pub(crate) mod parallel;

@@ -62,3 +62,22 @@ pub struct Pair {
     /// Number of raw matches, known even when they were not read.
     pub num_matches: usize,
 }
+
+impl Pair {
+    /// A pair of which nothing is known yet: no matches, no geometry.
+    pub fn unverified(image1: usize, image2: usize) -> Self {
+        Self {
+            image1,
+            image2,
+            config: PairConfig::Undefined,
+            fundamental: None,
+            essential: None,
+            homography: None,
+            cam2_from_cam1: None,
+            solver_cameras: [None, None],
+            inliers: Vec::new(),
+            matches: None,
+            num_matches: 0,
+        }
+    }
+}

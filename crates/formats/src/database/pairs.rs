@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use epipole_scene::{Pair, PairConfig, ViewImage};
+use epipole_scene::{Pair, ViewImage};
 use rusqlite::Row;
 
 use super::images::Keypoints;
@@ -152,19 +152,7 @@ pub(super) fn read(
 
 /// A pair of which nothing is known yet.
 pub(super) fn unverified(key: PairKey) -> Pair {
-    Pair {
-        image1: key.images[0],
-        image2: key.images[1],
-        config: PairConfig::Undefined,
-        fundamental: None,
-        essential: None,
-        homography: None,
-        cam2_from_cam1: None,
-        solver_cameras: [None, None],
-        inliers: Vec::new(),
-        matches: None,
-        num_matches: 0,
-    }
+    Pair::unverified(key.images[0], key.images[1])
 }
 
 /// Calls `each` for every row whose pair can be used and turns its problems into warnings.

@@ -65,27 +65,13 @@ pub const REDUCE: Kernel = Kernel {
     bindings: &[uniform("reduce_params"), read("rows"), write("sums")],
 };
 
-/// Every kernel.
-pub const KERNELS: &[Kernel] = &[
-    PROBE,
-    REFRESH,
-    REWEIGHT,
-    LINEARIZE_POINT,
-    LINEARIZE_CAMERA,
-    SCALE_CAMERA,
-    DAMP_POINT,
-    PRECONDITION_CAMERA,
-    PRECONDITION_FACTOR,
-    PCG_START,
-    PRODUCT_POINT,
-    PRODUCT_CAMERA,
-    PCG_STEP,
-    STEP_CAMERA,
-    CHANGE_CAMERA,
-    BACK_SUBSTITUTE,
-    CHANGE_POINT,
-    TRIAL,
-    COMMIT_CAMERA,
-    COMMIT_POINT,
-    REDUCE,
-];
+/// Every kernel: the probe, then those of the problems.
+pub const KERNELS: &[Kernel] = &{
+    let mut all = [PROBE; 1 + BUNDLE.len()];
+    let mut i = 0;
+    while i < BUNDLE.len() {
+        all[1 + i] = BUNDLE[i];
+        i += 1;
+    }
+    all
+};

@@ -7,6 +7,7 @@ use epipole_geometry::camera::Real;
 use super::problem::Problem;
 use super::vec3::{self, Vec3};
 use crate::error::OptimizeError;
+use crate::grouping::group;
 use crate::parallel;
 
 /// Observations per chunk of points. Large enough to hide the cost of handing out work, small enough to balance two to
@@ -93,7 +94,7 @@ impl Layout {
         for (p, track) in track_start.windows(2).enumerate() {
             point.resize(track[1] as usize, p as u32);
         }
-        let (camera_start, camera_observation) = by_camera(&camera, image_of_camera.len());
+        let (camera_start, camera_observation) = group(&camera, image_of_camera.len());
         let point_chunks = chunks(&track_start);
         let camera_chunks = chunks(&camera_start);
         let component = components(&track_start, &camera, image_of_camera.len());
@@ -188,23 +189,6 @@ impl<T: Real> Rays<T> {
         let metric = pin.iter().any(|&pin| pin > T::ZERO);
         Self { direction, weight, pin, metric }
     }
-}
-
-fn by_camera(camera: &[u32], cameras: usize) -> (Vec<u32>, Vec<u32>) {
-    let mut start = vec![0u32; cameras + 1];
-    for &c in camera {
-        start[c as usize + 1] += 1;
-    }
-    for c in 0..cameras {
-        start[c + 1] += start[c];
-    }
-    let mut next = start.clone();
-    let mut list = vec![0u32; camera.len()];
-    for (o, &c) in camera.iter().enumerate() {
-        list[next[c as usize] as usize] = o as u32;
-        next[c as usize] += 1;
-    }
-    (start, list)
 }
 
 fn chunks(start: &[u32]) -> Vec<Range<usize>> {

@@ -55,17 +55,10 @@ fn graph(image_camera: &[usize], truth_px: &[f64], cameras: Vec<Camera>, wrong: 
             }
             f.z_axis.x *= 1.0 + uniform(1e-3);
             pairs.push(Pair {
-                image1: i,
-                image2: j,
                 config: PairConfig::Uncalibrated,
                 fundamental: Some(f),
-                essential: None,
-                homography: None,
                 cam2_from_cam1: Some(pose),
-                solver_cameras: [None, None],
-                inliers: Vec::new(),
-                matches: None,
-                num_matches: 0,
+                ..Pair::unverified(i, j)
             });
         }
     }

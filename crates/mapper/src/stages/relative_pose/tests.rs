@@ -49,17 +49,11 @@ fn graph(num_images: usize, outliers: usize) -> (ViewGraph, Vec<Rigid3>) {
     for i in 0..num_images {
         for j in i + 1..num_images {
             pairs.push(Pair {
-                image1: i,
-                image2: j,
                 config: PairConfig::Calibrated,
-                fundamental: None,
-                essential: None,
-                homography: None,
-                cam2_from_cam1: None,
-                solver_cameras: [None, None],
                 inliers: matches.clone(),
                 matches: Some(matches.clone()),
                 num_matches: matches.len(),
+                ..Pair::unverified(i, j)
             });
         }
     }

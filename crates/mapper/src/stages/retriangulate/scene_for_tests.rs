@@ -125,19 +125,7 @@ impl Scene {
 
 /// A pair with verified matches and nothing else.
 pub(super) fn pair(image1: usize, image2: usize, inliers: Vec<[u32; 2]>) -> Pair {
-    Pair {
-        image1,
-        image2,
-        config: PairConfig::Calibrated,
-        fundamental: None,
-        essential: None,
-        homography: None,
-        cam2_from_cam1: None,
-        solver_cameras: [None, None],
-        num_matches: inliers.len(),
-        inliers,
-        matches: None,
-    }
+    Pair { config: PairConfig::Calibrated, num_matches: inliers.len(), inliers, ..Pair::unverified(image1, image2) }
 }
 
 fn posed(graph: &ViewGraph, poses: &[Rigid3]) -> Component {

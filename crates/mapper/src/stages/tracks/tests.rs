@@ -13,17 +13,10 @@ fn graph(num_images: usize, num_keypoints: usize, matches: &[(usize, usize, &[[u
     let image =
         |i: usize| ViewImage { id: i as u32 + 1, name: format!("{i}"), camera: 0, keypoints_px: keypoints.clone() };
     let pair = |&(image1, image2, inliers): &(usize, usize, &[[u32; 2]])| Pair {
-        image1,
-        image2,
         config: PairConfig::Calibrated,
-        fundamental: None,
-        essential: None,
-        homography: None,
-        cam2_from_cam1: None,
-        solver_cameras: [None, None],
         inliers: inliers.to_vec(),
-        matches: None,
         num_matches: inliers.len(),
+        ..Pair::unverified(image1, image2)
     };
     ViewGraph {
         cameras: Vec::new(),

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use epipole_geometry::camera::{CameraFamily, CameraModel};
 
 use crate::bundle::problem::{PoseFreedom, Problem};
+use crate::grouping::group;
 use crate::reduced::{BlockLayout, Incidence};
 
 /// Where the refined parameters of a camera lie: `block`, starting at `offset` inside it.
@@ -44,19 +45,7 @@ impl Structure {
     pub(super) fn new(problem: &Problem) -> Self {
         let images = problem.cam_from_world.len();
         let (track_start, image, point, px) = sort_tracks(problem);
-        let mut image_start = vec![0u32; images + 1];
-        for &i in &image {
-            image_start[i as usize + 1] += 1;
-        }
-        for i in 0..images {
-            image_start[i + 1] += image_start[i];
-        }
-        let mut next = image_start.clone();
-        let mut image_order = vec![0u32; image.len()];
-        for (o, &i) in image.iter().enumerate() {
-            image_order[next[i as usize] as usize] = o as u32;
-            next[i as usize] += 1;
-        }
+        let (image_start, image_order) = group(&image, images);
         let pose_dof: Vec<u8> = problem
             .pose_freedom
             .iter()

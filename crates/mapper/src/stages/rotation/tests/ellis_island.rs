@@ -28,17 +28,11 @@ fn rotation(row_major: &[f64]) -> DQuat {
 fn view_graph(folder: &Path) -> ViewGraph {
     let rows = rows(&folder.join("edges.txt"));
     let pair = |r: &Vec<f64>| Pair {
-        image1: r[0] as usize,
-        image2: r[1] as usize,
         config: PairConfig::Calibrated,
-        fundamental: None,
-        essential: None,
-        homography: None,
         cam2_from_cam1: Some(Rigid3::new(rotation(&r[2..]), DVec3::X)),
-        solver_cameras: [None, None],
         inliers: vec![[0, 0]; r.get(11).map_or(100, |&n| n as usize)],
-        matches: None,
         num_matches: 100,
+        ..Pair::unverified(r[0] as usize, r[1] as usize)
     };
     let num_images = rows.iter().map(|r| r[0].max(r[1]) as usize + 1).max().unwrap();
     let image = |i: usize| ViewImage {
