@@ -182,6 +182,7 @@ mod tests {
             camera: 0,
             cam_from_world: Rigid3::new(DQuat::from_xyzw(0.1, 0.2, -0.3, 0.9), DVec3::new(1.0, -2.0, 3.0)),
             keypoints_px: Arc::from([]),
+            depths: None,
         };
         Reconstruction { cameras: vec![camera], images: vec![image], ..Default::default() }
     }

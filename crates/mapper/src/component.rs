@@ -25,6 +25,7 @@ impl Component {
                 camera: view.camera,
                 cam_from_world: Rigid3::new(rotation, glam::DVec3::ZERO),
                 keypoints_px: view.keypoints_px.clone(),
+                depths: view.depths.clone(),
             }
         });
         Self {

@@ -232,6 +232,7 @@ mod tests {
                     name: format!("{i}.jpg"),
                     camera: 0,
                     keypoints_px: Arc::from(vec![DVec2::ZERO; n]),
+                    depths: None,
                 })
                 .collect(),
             pairs: pairs

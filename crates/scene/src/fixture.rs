@@ -21,6 +21,7 @@ pub(crate) fn row_of_cameras(num_images: u32, num_points: u32) -> Reconstruction
             camera: 0,
             cam_from_world: *pose,
             keypoints_px: px.collect::<Vec<_>>().into(),
+            depths: None,
         }
     });
     let points = (0..num_points).map(|p| Point {

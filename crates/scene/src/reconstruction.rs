@@ -6,6 +6,8 @@ use epipole_geometry::camera::Camera;
 use epipole_geometry::{Rigid3, Similarity3};
 use glam::{DVec2, DVec3};
 
+use crate::ImageDepths;
+
 /// What an image's keypoint refers to when it observes no point, as COLMAP writes it.
 pub const NO_POINT: u64 = u64::MAX;
 
@@ -39,6 +41,8 @@ pub struct Image {
     pub cam_from_world: Rigid3,
     /// All keypoints in database order, px.
     pub keypoints_px: Arc<[DVec2]>,
+    /// Depths of the keypoints, one each, if they were given; not part of any model on disk.
+    pub depths: Option<Arc<ImageDepths>>,
 }
 
 /// A point with its track.

@@ -6,6 +6,8 @@ use epipole_geometry::Rigid3;
 use epipole_geometry::camera::Camera;
 use glam::{DMat3, DVec2};
 
+use crate::ImageDepths;
+
 /// Everything a match database says, indexed densely: images, cameras and pairs are referred to by position.
 #[derive(Clone, Debug, Default)]
 pub struct ViewGraph {
@@ -28,6 +30,8 @@ pub struct ViewImage {
     pub camera: usize,
     /// Keypoints, px, the centre of the first pixel at (0.5, 0.5); shared with the reconstructions.
     pub keypoints_px: Arc<[DVec2]>,
+    /// Depths of the keypoints, one each, if the image has a depth map.
+    pub depths: Option<Arc<ImageDepths>>,
 }
 
 /// How geometric verification labelled a pair.

@@ -37,6 +37,7 @@ pub fn generate(options: &Options) -> Result<Scene, SynthError> {
             camera: cameras.of_image[i],
             cam_from_world: layout.cam_from_world[i],
             keypoints_px: keypoints.iter().map(|k| k.pixel_px).collect::<Arc<[DVec2]>>(),
+            depths: None,
         })
         .collect();
     let view = |i: &Image| ViewImage {
@@ -44,6 +45,7 @@ pub fn generate(options: &Options) -> Result<Scene, SynthError> {
         name: i.name.clone(),
         camera: i.camera,
         keypoints_px: i.keypoints_px.clone(),
+        depths: i.depths.clone(),
     };
     let graph = ViewGraph { images: images.iter().map(view).collect(), cameras: cameras.stored, pairs };
     let mut truth = Reconstruction { cameras: cameras.truth, images, ..Reconstruction::default() };

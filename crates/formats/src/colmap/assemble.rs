@@ -104,6 +104,7 @@ impl Assembler<'_> {
                 camera,
                 cam_from_world,
                 keypoints_px: keypoints(raw),
+                depths: None,
             });
             point_ids.push(&raw.point_ids[..]);
         }

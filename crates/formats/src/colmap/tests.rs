@@ -45,6 +45,7 @@ fn scene() -> Reconstruction {
         camera,
         cam_from_world: pose(seed),
         keypoints_px: Arc::from([DVec2::new(0.5, 1e-7), DVec2::new(-0.0, 1e22), DVec2::new(f64::NAN, 3.25)]),
+        depths: None,
     };
     let point = |id, seed: f64, observations: &[(u32, u32)]| Point {
         id,

@@ -85,7 +85,7 @@ fn image(row: &Row<'_>, cameras: &[Camera]) -> Result<(ViewImage, bool), Problem
     let camera = cameras.binary_search_by_key(&camera_id, |c| i64::from(c.id));
     let camera = camera.map_err(|_| Problem::Dangling { what: "camera", id: camera_id.to_string() })?;
     let is_utf8 = std::str::from_utf8(bytes).is_ok();
-    Ok((ViewImage { id, name: name.into_owned(), camera, keypoints_px: Arc::from([]) }, is_utf8))
+    Ok((ViewImage { id, name: name.into_owned(), camera, keypoints_px: Arc::from([]), depths: None }, is_utf8))
 }
 
 /// Reads the keypoints into the images.

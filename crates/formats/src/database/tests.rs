@@ -44,8 +44,13 @@ fn graph() -> ViewGraph {
         has_prior_focal: id == 1,
     };
     let keypoints: Arc<[DVec2]> = (0..5).map(|i| DVec2::new(f64::from(i) + 0.5, 10.25)).collect();
-    let image =
-        |id, camera| ViewImage { id, name: format!("folder/image {id}.jpg"), camera, keypoints_px: keypoints.clone() };
+    let image = |id, camera| ViewImage {
+        id,
+        name: format!("folder/image {id}.jpg"),
+        camera,
+        keypoints_px: keypoints.clone(),
+        depths: None,
+    };
     let pose = Rigid3::new(DQuat::from_xyzw(0.1, 0.2, -0.3, 0.9), DVec3::new(0.6, 0.0, -0.8));
     let pair = |image1, image2| Pair {
         image1,

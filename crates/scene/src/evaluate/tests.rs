@@ -109,6 +109,7 @@ fn a_real_model_gives_the_numbers_of_the_comparison_script() {
             camera: 0,
             cam_from_world: Rigid3::new(DQuat::from_xyzw(v[1], v[2], v[3], v[0]), DVec3::new(v[4], v[5], v[6])),
             keypoints_px: Vec::new().into(),
+            depths: None,
         }
     });
     let reference = Reconstruction { images: images.collect(), ..Default::default() };

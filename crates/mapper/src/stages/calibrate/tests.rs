@@ -41,6 +41,7 @@ fn graph(image_camera: &[usize], truth_px: &[f64], cameras: Vec<Camera>, wrong: 
         name: format!("{i}"),
         camera,
         keypoints_px: Arc::from([]),
+        depths: None,
     };
     let mut pairs = Vec::new();
     for i in 0..poses.len() {

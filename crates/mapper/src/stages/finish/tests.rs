@@ -24,6 +24,7 @@ fn scene() -> Component {
             camera: if i == 2 { 2 } else { 0 },
             cam_from_world,
             keypoints_px: Arc::from(points.iter().map(project).collect::<Vec<_>>()),
+            depths: None,
         }
     });
     let images: Vec<Image> = images.collect();

@@ -40,6 +40,7 @@ fn graph(num_images: usize, outliers: usize) -> (ViewGraph, Vec<Rigid3>) {
         name: format!("{i}"),
         camera: 0,
         keypoints_px: keypoints(pose),
+        depths: None,
     });
     let images = images.collect();
     let matches: Vec<[u32; 2]> = (0..NUM_POINTS as u32)

@@ -69,6 +69,7 @@ impl Recipe {
                 name: format!("{i:03}.jpg"),
                 camera: 0,
                 keypoints_px: Arc::from(keypoints),
+                depths: None,
             });
             poses.push(pose);
             truth.push(shown);

@@ -10,8 +10,13 @@ use crate::event::Silent;
 /// Images whose keypoint `k` lies at (100 k, 0) px.
 fn graph(num_images: usize, num_keypoints: usize, matches: &[(usize, usize, &[[u32; 2]])]) -> ViewGraph {
     let keypoints: Arc<[DVec2]> = (0..num_keypoints).map(|k| DVec2::new(100.0 * k as f64, 0.0)).collect();
-    let image =
-        |i: usize| ViewImage { id: i as u32 + 1, name: format!("{i}"), camera: 0, keypoints_px: keypoints.clone() };
+    let image = |i: usize| ViewImage {
+        id: i as u32 + 1,
+        name: format!("{i}"),
+        camera: 0,
+        keypoints_px: keypoints.clone(),
+        depths: None,
+    };
     let pair = |&(image1, image2, inliers): &(usize, usize, &[[u32; 2]])| Pair {
         config: PairConfig::Calibrated,
         inliers: inliers.to_vec(),

@@ -40,6 +40,7 @@ fn view_graph(folder: &Path) -> ViewGraph {
         name: i.to_string(),
         camera: 0,
         keypoints_px: Arc::from([DVec2::ZERO]),
+        depths: None,
     };
     ViewGraph {
         cameras: vec![Camera {
