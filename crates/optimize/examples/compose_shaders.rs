@@ -1,9 +1,9 @@
-//! Writes every kernel's complete WGSL into a folder, for compilers outside this process: `compose_shaders FOLDER`.
+//! Writes every kernel's complete WGSL, in every variant, into a folder, for compilers outside this process: `compose_shaders FOLDER`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use epipole_optimize::gpu::compose::compose;
+use epipole_optimize::gpu::compose::{compose, variants};
 use epipole_optimize::gpu::kernels::KERNELS;
 
 fn main() -> ExitCode {
@@ -11,14 +11,28 @@ fn main() -> ExitCode {
         eprintln!("usage: compose_shaders FOLDER");
         return ExitCode::FAILURE;
     };
-    for kernel in KERNELS {
-        let path = folder.join(format!("{}.wgsl", kernel.name));
-        let text = compose(kernel.file).map_err(|error| error.to_string());
-        if let Err(error) = text.and_then(|text| std::fs::write(&path, text).map_err(|error| error.to_string())) {
-            eprintln!("{}: {error}", path.display());
-            return ExitCode::FAILURE;
+    match write(&folder) {
+        Ok(count) => {
+            println!("{count} shaders of {} kernels in {}", KERNELS.len(), folder.display());
+            ExitCode::SUCCESS
+        }
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
         }
     }
-    println!("{} kernels in {}", KERNELS.len(), folder.display());
-    ExitCode::SUCCESS
+}
+
+fn write(folder: &Path) -> Result<usize, String> {
+    let mut count = 0;
+    for kernel in KERNELS {
+        for variant in variants(kernel.file).map_err(|error| error.to_string())? {
+            let name: String = [kernel.name].into_iter().chain(variant.flags()).collect::<Vec<_>>().join("-");
+            let path = folder.join(format!("{name}.wgsl"));
+            let text = compose(kernel.file, variant).map_err(|error| error.to_string())?;
+            std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;
+            count += 1;
+        }
+    }
+    Ok(count)
 }

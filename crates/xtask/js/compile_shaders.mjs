@@ -1,4 +1,5 @@
 // Compiles WGSL files as compute pipelines in headless Chromium, whose compiler (Tint) refuses what Naga accepts.
+// A file is called as its entry point, with the flags of its variant behind dashes.
 // Usage: node compile_shaders.mjs FOLDER CHROMIUM   (playwright-core must be resolvable from the working folder)
 
 import { createRequire } from 'node:module';
@@ -37,7 +38,7 @@ try {
       const module = device.createShaderModule({ label: name, code });
       const { messages } = await module.getCompilationInfo();
       for (const m of messages.filter((m) => m.type === 'error')) found.push(`${name}:${m.lineNum}: ${m.message}`);
-      device.createComputePipeline({ label: name, layout: 'auto', compute: { module, entryPoint: name } });
+      device.createComputePipeline({ label: name, layout: 'auto', compute: { module, entryPoint: name.split('-')[0] } });
       const error = await device.popErrorScope();
       if (error) found.push(`${name}: ${error.message}`);
     }

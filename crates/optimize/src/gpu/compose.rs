@@ -1,8 +1,10 @@
-//! Puts a shader together from files: a line `#import "path"` stands for that file, once.
+//! Puts a shader together from files: a line `#import "path"` stands for that file, once; lines between `#if FLAG` and
+//! `#else` or `#endif` are there only in variants with that flag.
 //!
 //! The files are part of the program, so that nothing has to be found at run time.
 
 use super::error::GpuError;
+use super::variant::Variant;
 
 macro_rules! shaders {
     ($($path:literal),* $(,)?) => {
@@ -49,29 +51,137 @@ shaders![
 
 const IMPORT: &str = "#import ";
 
-/// The text of a file with its imports before it, each once, in the order in which they are first named.
-pub fn compose(file: &str) -> Result<String, GpuError> {
-    let mut done = Vec::new();
-    let mut out = String::new();
-    append(file, &mut done, &mut out)?;
-    Ok(out)
+/// A shader in the making.
+struct Composer {
+    variant: Variant,
+    /// Files so far, each before those it imports.
+    files: Vec<String>,
+    text: String,
+    /// Flags that any condition named, met or not.
+    flags: Variant,
 }
 
-fn append(file: &str, done: &mut Vec<String>, out: &mut String) -> Result<(), GpuError> {
-    if done.iter().any(|d| d == file) {
-        return Ok(());
+/// The text of a file in one variant, with its imports before it, each once, in the order in which they are first named.
+///
+/// # Errors
+/// An import that is not among [`SOURCES`], a flag that no [`Variant`] has, `#if` and `#endif` that do not pair up.
+pub fn compose(file: &str, variant: Variant) -> Result<String, GpuError> {
+    Composer::run(file, variant).map(|done| done.text)
+}
+
+/// The files of which [`compose`] makes a shader.
+pub fn files(file: &str, variant: Variant) -> Result<Vec<String>, GpuError> {
+    Composer::run(file, variant).map(|done| done.files)
+}
+
+/// The variants in which a shader's text can differ, the plain one first. A problem's variant, less the flags that the
+/// shader does not ask for, is one of them.
+pub fn variants(file: &str) -> Result<Vec<Variant>, GpuError> {
+    let mut flags = Variant::default();
+    // A file that is imported on a condition may ask for further flags.
+    for variant in Variant::ALL_FLAGS.subsets() {
+        flags = flags.with(Composer::run(file, variant)?.flags);
     }
-    done.push(file.to_string());
-    let source = SOURCES.iter().find(|(path, _)| *path == file);
-    let (_, text) = source.ok_or_else(|| GpuError::UnknownShader { file: file.to_string() })?;
-    for line in text.lines() {
-        if let Some(path) = line.strip_prefix(IMPORT) {
-            append(path.trim().trim_matches('"'), done, out)?;
+    Ok(flags.subsets().collect())
+}
+
+impl Composer {
+    fn run(file: &str, variant: Variant) -> Result<Self, GpuError> {
+        let mut composer = Self { variant, files: Vec::new(), text: String::new(), flags: Variant::default() };
+        composer.append(file)?;
+        Ok(composer)
+    }
+
+    fn append(&mut self, file: &str) -> Result<(), GpuError> {
+        if self.files.iter().any(|done| done == file) {
+            return Ok(());
+        }
+        self.files.push(file.to_string());
+        let source = SOURCES.iter().find(|(path, _)| *path == file);
+        let (_, text) = source.ok_or_else(|| GpuError::UnknownShader { file: file.to_string() })?;
+        let lines = self.select(file, text)?;
+        for path in lines.iter().filter_map(|line| line.strip_prefix(IMPORT)) {
+            self.append(path.trim().trim_matches('"'))?;
+        }
+        for line in lines.iter().filter(|line| !line.starts_with(IMPORT)) {
+            self.text.push_str(line);
+            self.text.push('\n');
+        }
+        Ok(())
+    }
+
+    /// The lines of a file that its conditions let through.
+    fn select<'t>(&mut self, file: &str, text: &'t str) -> Result<Vec<&'t str>, GpuError> {
+        let mut lines = Vec::new();
+        // Of every open `#if`: whether its lines are in, and whether its `#else` was met.
+        let mut open: Vec<(bool, bool)> = Vec::new();
+        for (line, number) in text.lines().zip(1..) {
+            let unbalanced = || GpuError::UnbalancedCondition { file: file.to_string(), line: number };
+            let mut words = line.split_whitespace();
+            match (words.next(), words.next()) {
+                (Some("#if"), Some(name)) => {
+                    let unknown =
+                        || GpuError::UnknownFlag { file: file.to_string(), line: number, flag: name.to_string() };
+                    let flag = Variant::from_flag(name).ok_or_else(unknown)?;
+                    self.flags = self.flags.with(flag);
+                    open.push((self.variant.has(flag), false));
+                }
+                (Some("#else"), None) => match open.last_mut() {
+                    Some((inside, met @ false)) => (*inside, *met) = (!*inside, true),
+                    _ => return Err(unbalanced()),
+                },
+                (Some("#endif"), None) => {
+                    open.pop().ok_or_else(unbalanced)?;
+                }
+                (Some("#if" | "#else" | "#endif"), _) => return Err(unbalanced()),
+                _ if open.iter().all(|(inside, _)| *inside) => lines.push(line),
+                _ => {}
+            }
+        }
+        let unclosed = GpuError::UnbalancedCondition { file: file.to_string(), line: text.lines().count() };
+        if open.is_empty() { Ok(lines) } else { Err(unclosed) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn select(variant: Variant, text: &str) -> Result<Vec<&str>, GpuError> {
+        let mut composer = Composer { variant, files: Vec::new(), text: String::new(), flags: Variant::default() };
+        composer.select("here.wgsl", text)
+    }
+
+    #[test]
+    fn conditions_nest() {
+        let text = "a\n#if wide\nb\n  #if depth\nc\n  #else\nd\n  #endif\n#else\ne\n#endif\nf";
+        let both = Variant::WIDE.with(Variant::DEPTH);
+        for (variant, wanted) in
+            [(Variant::default(), "aef"), (Variant::WIDE, "abdf"), (Variant::DEPTH, "aef"), (both, "abcf")]
+        {
+            assert_eq!(select(variant, text).map(|lines| lines.concat()), Ok(wanted.to_string()));
         }
     }
-    for line in text.lines().filter(|line| !line.starts_with(IMPORT)) {
-        out.push_str(line);
-        out.push('\n');
+
+    #[test]
+    fn conditions_that_do_not_pair_up_and_unknown_flags_are_errors_that_name_the_line() {
+        for (text, line) in [
+            ("#if wide\na", 2),
+            ("a\n#endif", 2),
+            ("#else\n#endif", 1),
+            ("#if wide\n#else\n#else\n#endif", 3),
+            ("#if", 1),
+            ("#if wide\n#endif wide", 2),
+        ] {
+            let wanted = GpuError::UnbalancedCondition { file: "here.wgsl".into(), line };
+            assert_eq!(select(Variant::WIDE, text), Err(wanted), "{text}");
+        }
+        let wanted = GpuError::UnknownFlag { file: "here.wgsl".into(), line: 2, flag: "broad".into() };
+        assert_eq!(select(Variant::WIDE, "\n#if broad\n#endif"), Err(wanted));
     }
-    Ok(())
+
+    #[test]
+    fn a_shader_without_conditions_has_one_variant() {
+        assert_eq!(variants("common/reduce.wgsl"), Ok(vec![Variant::default()]));
+    }
 }

@@ -3,6 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::error::GpuError;
+use super::pipelines::Cache;
 
 /// Which limits to ask an adapter for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -22,6 +23,7 @@ pub struct Device {
     description: String,
     software: bool,
     fault: Fault,
+    pub(super) pipelines: Cache,
 }
 
 /// The first failure that the device reported, from whichever thread.
@@ -84,7 +86,7 @@ impl Device {
         let software = info.device_type == wgpu::DeviceType::Cpu;
         let kind = if software { "software adapter, correct but slow" } else { "hardware adapter" };
         let description = format!("{} ({:?}, {kind})", info.name, info.backend);
-        Ok(Self { device, queue, description, software, fault })
+        Ok(Self { device, queue, description, software, fault, pipelines: Cache::default() })
     }
 
     /// Name, API and kind of the adapter, for people.

@@ -61,6 +61,24 @@ pub enum GpuError {
         /// Path below `shaders/`.
         file: String,
     },
+    /// A condition in a shader asks for a flag that does not exist.
+    #[error("shader `{file}`, line {line}: there is no flag `{flag}`; add it to `gpu/variant.rs` or mend the name")]
+    UnknownFlag {
+        /// Path below `shaders/`.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+        /// The name asked for.
+        flag: String,
+    },
+    /// `#if`, `#else` and `#endif` do not pair up.
+    #[error("shader `{file}`, line {line}: `#if FLAG`, `#else` and `#endif` do not pair up")]
+    UnbalancedCondition {
+        /// Path below `shaders/`.
+        file: String,
+        /// Line, from 1, where it shows.
+        line: usize,
+    },
     /// The kernels do not cover this kind of problem.
     #[error("{what} is not available on the GPU yet; use the CPU")]
     Unsupported {

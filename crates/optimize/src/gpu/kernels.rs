@@ -29,7 +29,7 @@ pub struct Binding {
 pub struct Kernel {
     /// Name of kernel and entry point.
     pub name: &'static str,
-    /// File below `shaders/`.
+    /// File below `shaders/`; its conditions say in which [variants](super::Variant) the kernel exists.
     pub file: &'static str,
     /// Invocations of a workgroup, along x.
     pub workgroup_size: u32,

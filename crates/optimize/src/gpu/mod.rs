@@ -1,7 +1,7 @@
 //! The device room: everything that any problem needs to run on WebGPU, and the only compute user of wgpu.
 //!
-//! Kernels are listed in one table ([`kernels::KERNELS`]) and live in `shaders/`, put together from `#import` lines. The
-//! room asks an adapter for its limits and never needs more than WebGPU's defaults. Every failure is a [`GpuError`],
+//! Kernels are listed in one table ([`kernels::KERNELS`]) and live in `shaders/`, put together from `#import` lines
+//! in the [`Variant`] that a problem needs. The room asks an adapter for its limits and never needs more than WebGPU's defaults. Every failure is a [`GpuError`],
 //! also one that a driver reports late: it comes out of the next read-back.
 
 mod buffers;
@@ -12,8 +12,10 @@ pub mod kernels;
 mod pipelines;
 #[cfg(test)]
 pub(crate) mod tests;
+mod variant;
 
 pub use buffers::ReadBack;
 pub use device::{Device, Limits};
 pub use error::GpuError;
 pub use pipelines::{Bound, Pipelines, split_groups};
+pub use variant::Variant;

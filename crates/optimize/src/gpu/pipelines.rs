@@ -1,9 +1,12 @@
 //! Kernels made ready for a device, bound to buffers and dispatched.
 
-use super::compose::compose;
+use std::sync::{Mutex, PoisonError};
+
+use super::compose::{compose, variants};
 use super::device::Device;
 use super::error::GpuError;
 use super::kernels::{Access, Kernel};
+use super::variant::Variant;
 
 /// WebGPU's default limit of workgroups along one dimension.
 const MAX_GROUPS: u64 = 65_535;
@@ -18,11 +21,25 @@ pub fn split_groups(groups: u64) -> Result<[u32; 2], GpuError> {
     Ok([groups.div_ceil(y) as u32, y as u32])
 }
 
-/// Compiled kernels.
+/// Compiled kernels of one variant.
 #[derive(Debug)]
 pub struct Pipelines {
-    compiled: Vec<(Kernel, wgpu::ComputePipeline, wgpu::BindGroupLayout)>,
+    compiled: Vec<Compiled>,
 }
+
+/// A kernel ready to be bound.
+#[derive(Clone, Debug)]
+struct Compiled {
+    kernel: Kernel,
+    /// Only the flags that the shader asks for, so that variants share what is the same.
+    variant: Variant,
+    pipeline: wgpu::ComputePipeline,
+    layout: wgpu::BindGroupLayout,
+}
+
+/// What a device has compiled so far: a mapper solves hundreds of problems, and each would wait for the compiler.
+#[derive(Debug, Default)]
+pub(super) struct Cache(Mutex<Vec<Compiled>>);
 
 /// A kernel with its buffers, ready to be dispatched.
 #[derive(Clone, Debug)]
@@ -32,32 +49,28 @@ pub struct Bound {
 }
 
 impl Pipelines {
-    /// Compiles kernels. A shader that the device refuses is reported here, with what the compiler said.
+    /// Compiles kernels without any flag, where the device has not yet. A shader that the device refuses is reported
+    /// here, with what the compiler said.
     pub fn new(device: &Device, kernels: &[Kernel]) -> Result<Self, GpuError> {
+        Self::for_variant(device, kernels, Variant::default())
+    }
+
+    /// As [`Pipelines::new`], with a problem's flags; shaders ignore those that they do not ask for.
+    pub fn for_variant(device: &Device, kernels: &[Kernel], variant: Variant) -> Result<Self, GpuError> {
+        device.check()?;
+        let mut cached = device.pipelines.0.lock().unwrap_or_else(PoisonError::into_inner);
         let mut compiled = Vec::with_capacity(kernels.len());
         for kernel in kernels {
-            let source = wgpu::ShaderSource::Wgsl(compose(kernel.file)?.into());
-            let name = Some(kernel.name);
-            let module = device.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: name, source });
-            let entries: Vec<_> = kernel.bindings.iter().zip(0..).map(|(b, slot)| entry(slot, b.access)).collect();
-            let layout = device
-                .device
-                .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: name, entries: &entries });
-            let pipeline_layout = device.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-                label: name,
-                bind_group_layouts: &[Some(&layout)],
-                immediate_size: 0,
-            });
-            let pipeline = device.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: name,
-                layout: Some(&pipeline_layout),
-                module: &module,
-                entry_point: name,
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                cache: None,
-            });
-            device.check()?;
-            compiled.push((*kernel, pipeline, layout));
+            let asked = variants(kernel.file)?.last().map_or(variant, |all| variant.common(*all));
+            let found = cached.iter().find(|c| c.kernel == *kernel && c.variant == asked);
+            match found {
+                Some(found) => compiled.push(found.clone()),
+                None => {
+                    let new = Compiled::new(device, kernel, asked)?;
+                    cached.push(new.clone());
+                    compiled.push(new);
+                }
+            }
         }
         Ok(Self { compiled })
     }
@@ -65,8 +78,8 @@ impl Pipelines {
     /// Binds buffers in the order of the kernel's table row. The kernel must be among those that were compiled.
     pub fn bind(&self, device: &Device, kernel: &Kernel, buffers: &[&wgpu::Buffer]) -> Result<Bound, GpuError> {
         let refuse = |reason: String| GpuError::Refused { reason };
-        let found = self.compiled.iter().find(|(k, _, _)| k.name == kernel.name);
-        let (_, pipeline, layout) =
+        let found = self.compiled.iter().find(|c| c.kernel.name == kernel.name);
+        let Compiled { pipeline, layout, .. } =
             found.ok_or_else(|| refuse(format!("kernel `{}` was not compiled", kernel.name)))?;
         if buffers.len() != kernel.bindings.len() {
             return Err(refuse(format!("kernel `{}` got {} buffers", kernel.name, buffers.len())));
@@ -79,6 +92,31 @@ impl Pipelines {
         let descriptor = wgpu::BindGroupDescriptor { label: Some(kernel.name), layout, entries: &entries };
         let group = device.device.create_bind_group(&descriptor);
         device.check().map(|()| Bound { pipeline: pipeline.clone(), group })
+    }
+}
+
+impl Compiled {
+    fn new(device: &Device, kernel: &Kernel, variant: Variant) -> Result<Self, GpuError> {
+        let source = wgpu::ShaderSource::Wgsl(compose(kernel.file, variant)?.into());
+        let name = Some(kernel.name);
+        let module = device.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: name, source });
+        let entries: Vec<_> = kernel.bindings.iter().zip(0..).map(|(b, slot)| entry(slot, b.access)).collect();
+        let layout =
+            device.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: name, entries: &entries });
+        let pipeline_layout = device.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: name,
+            bind_group_layouts: &[Some(&layout)],
+            immediate_size: 0,
+        });
+        let pipeline = device.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: name,
+            layout: Some(&pipeline_layout),
+            module: &module,
+            entry_point: name,
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
+        device.check().map(|()| Self { kernel: *kernel, variant, pipeline, layout })
     }
 }
 

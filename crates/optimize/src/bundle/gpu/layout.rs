@@ -3,7 +3,7 @@
 use super::lattice::Lattice;
 use super::records::{CAMERA_UNKNOWNS, Intrinsics, OUT, Point, View, intrinsics, param_slots};
 use crate::bundle::problem::{PoseFreedom, Problem};
-use crate::gpu::GpuError;
+use crate::gpu::{GpuError, Variant};
 
 /// Observations of one image that one workgroup sums (source: `solver.md` §2.1).
 const SEGMENT: usize = 512;
@@ -13,6 +13,8 @@ pub(super) const FEW_IMAGES: usize = 32;
 /// Everything that is uploaded.
 #[derive(Debug)]
 pub(super) struct Layout {
+    /// In which variant the kernels run.
+    pub(super) variant: Variant,
     pub(super) lattice: Lattice,
     /// `points + 1` offsets into the points' order.
     pub(super) tracks: Vec<u32>,
@@ -43,6 +45,7 @@ impl Layout {
         }
         let lattice = Lattice::new(problem);
         let mut layout = Self {
+            variant: Variant::default(),
             tracks: Vec::new(),
             by_point: Vec::new(),
             pixels: Vec::new(),

@@ -120,7 +120,7 @@ impl Resident {
             step_reduced: device.zeroed("reduced step sums", groups.reduced * ROW_BYTES)?,
             trial_reduced: device.zeroed("reduced trial sums", groups.reduced * ROW_BYTES)?,
         };
-        let pipelines = Pipelines::new(device, kernels::BUNDLE)?;
+        let pipelines = Pipelines::for_variant(device, kernels::BUNDLE, layout.variant)?;
         let mut bound = Vec::new();
         for kernel in kernels::BUNDLE.iter().filter(|k| k.name != kernels::REDUCE.name) {
             bound.push((kernel.name, pipelines.bind(device, kernel, &buffers.of(kernel))?));

@@ -3,17 +3,25 @@
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, StorageAccess};
 
-use crate::gpu::compose::{SOURCES, compose};
-use crate::gpu::kernels::{Access, KERNELS};
-use crate::gpu::{GpuError, split_groups};
+use crate::gpu::compose::{SOURCES, compose, files, variants};
+use crate::gpu::kernels::{Access, KERNELS, Kernel};
+use crate::gpu::{GpuError, Variant, split_groups};
 
 /// WebGPU's default limits.
 const STORAGE_BUFFERS: usize = 8;
 const INVOCATIONS: u32 = 256;
 const WORKGROUP_BYTES: u32 = 16_384;
 
-fn parse(file: &str) -> Module {
-    let text = compose(file).expect("all imports are listed");
+/// Every kernel in every variant in which its text can differ.
+fn all() -> impl Iterator<Item = (&'static Kernel, Variant)> {
+    let of = |kernel: &'static Kernel| {
+        variants(kernel.file).expect("sound conditions").into_iter().map(move |v| (kernel, v))
+    };
+    KERNELS.iter().flat_map(of)
+}
+
+fn parse(file: &str, variant: Variant) -> Module {
+    let text = compose(file, variant).expect("all imports are listed");
     let module =
         naga::front::wgsl::parse_str(&text).unwrap_or_else(|e| panic!("{}", e.emit_to_string_with_path(&text, file)));
     let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
@@ -23,8 +31,8 @@ fn parse(file: &str) -> Module {
 
 #[test]
 fn every_kernel_is_valid_and_as_the_table_says() {
-    for kernel in KERNELS {
-        let module = parse(kernel.file);
+    for (kernel, variant) in all() {
+        let module = parse(kernel.file, variant);
         let entries: Vec<_> = module.entry_points.iter().filter(|e| e.name == kernel.name).collect();
         assert_eq!(entries.len(), 1, "{}: one entry point of that name", kernel.name);
         assert_eq!(entries[0].workgroup_size, [kernel.workgroup_size, 1, 1], "{}", kernel.name);
@@ -52,11 +60,11 @@ fn every_kernel_is_valid_and_as_the_table_says() {
 
 #[test]
 fn every_kernel_fits_the_default_limits() {
-    for kernel in KERNELS {
+    for (kernel, variant) in all() {
         let storage = kernel.bindings.iter().filter(|b| b.access != Access::Uniform).count();
         assert!(storage <= STORAGE_BUFFERS, "{}: {storage} storage buffers", kernel.name);
         assert!(kernel.workgroup_size <= INVOCATIONS, "{}", kernel.name);
-        let module = parse(kernel.file);
+        let module = parse(kernel.file, variant);
         let mut layouter = naga::proc::Layouter::default();
         layouter.update(module.to_ctx()).expect("a valid module");
         let workgroup = module.global_variables.iter().filter(|(_, v)| v.space == AddressSpace::WorkGroup);
@@ -67,14 +75,14 @@ fn every_kernel_fits_the_default_limits() {
 
 #[test]
 fn every_file_is_used_and_unknown_imports_are_errors() {
-    let texts: Vec<String> = KERNELS.iter().map(|k| compose(k.file).expect("listed")).collect();
-    for (path, source) in SOURCES {
-        let body = source.lines().filter(|l| !l.starts_with("#import")).map(|l| format!("{l}\n")).collect::<String>();
-        assert!(texts.iter().any(|t| t.contains(&body)), "no kernel uses {path}");
+    let used: Vec<String> = all().flat_map(|(k, variant)| files(k.file, variant).expect("listed")).collect();
+    for (path, _) in SOURCES {
+        assert!(used.iter().any(|file| file == path), "no kernel uses {path}");
     }
-    let once = compose("common/reduce.wgsl").expect("listed");
+    let once = compose("common/reduce.wgsl", Variant::default()).expect("listed");
     assert_eq!(once.matches("fn linear_group").count(), 1);
-    assert_eq!(compose("none.wgsl"), Err(GpuError::UnknownShader { file: "none.wgsl".into() }));
+    let none = compose("none.wgsl", Variant::default());
+    assert_eq!(none, Err(GpuError::UnknownShader { file: "none.wgsl".into() }));
 }
 
 #[test]
