@@ -8,7 +8,8 @@ use std::path::Path;
 
 use common::{Listener, check_consistent, check_round_trip};
 use epipole_formats::{ReadOptions, read_database, write_model_binary};
-use epipole_mapper::{Matches, Options, reconstruct};
+use epipole_mapper::{Matches, Options, reconstruct_blocking};
+use epipole_optimize::Engine;
 use epipole_tests::damage::{self, Verdict};
 use epipole_tests::fixtures;
 
@@ -18,7 +19,8 @@ fn pipeline(database: &Path, output: &Path, options: &Options) -> Result<Vec<Str
     let loaded = read_database(database, &read).map_err(|e| e.to_string())?;
     let mut warnings: Vec<String> = loaded.warnings.iter().map(|w| w.to_string()).collect();
     let mut listener = Listener::default();
-    let outcome = reconstruct(loaded.value, options, None, &mut listener).map_err(|e| e.to_string())?;
+    let outcome = reconstruct_blocking(loaded.value, options, &mut Engine::Cpu, None, &mut listener)
+        .map_err(|e| e.to_string())?;
     warnings.append(&mut listener.warnings);
     for (i, model) in outcome.reconstructions.iter().enumerate() {
         check_consistent(model);

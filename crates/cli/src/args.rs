@@ -147,12 +147,15 @@ impl PresetArg {
     }
 }
 
+/// Where to compute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Backend {
-    /// The fastest there is: in this version the processor.
+    /// A hardware GPU where there is one and the problem is large, else the processor; says which and why.
     Auto,
     /// The processor.
     Cpu,
+    /// A WebGPU device in single precision, a software one if need be.
+    Gpu,
 }
 
 #[derive(Debug, Args)]
@@ -191,7 +194,7 @@ pub(crate) struct BundleArgs {
     pub(crate) output: Option<PathBuf>,
     /// Where to compute.
     #[arg(long, value_enum, default_value = "auto")]
-    pub(crate) backend: BundleBackend,
+    pub(crate) backend: Backend,
     /// Scalar of residuals and derivatives on the processor.
     #[arg(long, value_enum, default_value = "f64")]
     pub(crate) precision: Precision,
@@ -213,16 +216,6 @@ pub(crate) struct BundleArgs {
     /// Print events to standard output, one JSON object a line.
     #[arg(long)]
     pub(crate) json: bool,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum BundleBackend {
-    /// A hardware GPU where there is one and the problem is large, else the processor; says which and why.
-    Auto,
-    /// The processor.
-    Cpu,
-    /// A WebGPU device in single precision, a software one if need be.
-    Gpu,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

@@ -1,6 +1,7 @@
 //! `epipole`: the command line. Parses, runs one command, and turns its result into an exit code.
 
 mod args;
+mod backend;
 mod bundle;
 mod convert;
 mod error;

@@ -81,7 +81,7 @@ impl Observer for Progress {
                 }
                 self.say(&format!("{:<24} {seconds:>8.2} s  {summary}", title(*stage, *component)));
             }
-            Event::Warning { message } => self.say(&format!("warning: {message}")),
+            Event::Warning { message } | Event::DeviceLost { message, .. } => self.say(&format!("warning: {message}")),
             Event::ComponentFinished { component, images, points } => {
                 self.say(&format!("component {component}: {images} images, {points} points"));
             }

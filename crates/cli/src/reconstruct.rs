@@ -8,6 +8,7 @@ use epipole_mapper::{Event, Matches, Observer, Options, Outcome, Settings};
 use serde_json::json;
 
 use crate::args::ReconstructArgs;
+use crate::backend::{self, Size};
 use crate::error::CliError;
 use crate::images::ImageFolder;
 use crate::progress::Progress;
@@ -28,8 +29,10 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<(), CliError> {
     progress.say(&format!("{}: {} images, {} pairs", args.database.display(), graph.images.len(), graph.pairs.len()));
     let folder = ResultFolder::prepare(&args.output)?;
     interrupt::install();
+    let keypoints = graph.images.iter().map(|image| image.keypoints_px.len()).sum();
+    let mut engine = backend::engine(args.backend, Size::Keypoints(keypoints), false)?;
     let source = images.as_mut().map(|images| images as &mut dyn ImageSource);
-    let mut outcome = epipole_mapper::reconstruct(graph, &options, source, &mut progress)?;
+    let mut outcome = epipole_mapper::reconstruct_blocking(graph, &options, &mut engine, source, &mut progress)?;
     all_warnings.append(&mut outcome.report.warnings);
     outcome.report.warnings = all_warnings;
     folder.write(&outcome)?;

@@ -84,6 +84,17 @@ pub enum Event {
         /// What happened and what to do.
         message: String,
     },
+    /// The GPU device went away in the middle of a solve, which goes on from its last kept state.
+    DeviceLost {
+        /// Which stage.
+        stage: Stage,
+        /// What the driver said.
+        reason: String,
+        /// The new device; `None` where the CPU took over.
+        resumed_on: Option<String>,
+        /// All of it in one line for people.
+        message: String,
+    },
     /// A component is complete.
     ComponentFinished {
         /// Its number.

@@ -19,5 +19,5 @@ pub use correspondences::CorrespondenceGraph;
 pub use error::MapperError;
 pub use event::{Event, Observer, Silent, Stage};
 pub use options::{Intrinsics, Matches, Options, Preset, Settings};
-pub use pipeline::{Outcome, reconstruct};
+pub use pipeline::{Outcome, reconstruct, reconstruct_blocking};
 pub use report::{ComponentReport, ImageReport, Report, StageTime, UnregisteredReason};

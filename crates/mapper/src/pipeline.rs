@@ -2,6 +2,8 @@
 
 use std::collections::VecDeque;
 
+use epipole_optimize::Engine;
+use epipole_optimize::executor::block_on;
 use epipole_scene::statistics::Statistics;
 use epipole_scene::{Reconstruction, ViewGraph};
 
@@ -30,26 +32,31 @@ pub struct Outcome {
 ///
 /// After the observer asks to stop, the component at hand is filtered and kept if its cameras already have positions,
 /// the others are left out, and the report says so.
-pub fn reconstruct(
+///
+/// Async because a device answers later and a browser tab may not block; native callers have [`reconstruct_blocking`].
+pub async fn reconstruct(
     mut graph: ViewGraph,
     options: &Options,
+    engine: &mut Engine,
     mut images: Option<&mut dyn ImageSource>,
     observer: &mut dyn Observer,
 ) -> Result<Outcome, MapperError> {
     if graph.images.len() < 2 {
         return Err(MapperError::TooFewImages(graph.images.len()));
     }
-    let mut run = Run { observer, stages: Vec::new(), warnings: Vec::new() };
+    let mut run = Run { observer, engine, stages: Vec::new(), warnings: Vec::new() };
     let mut reasons = Reasons::of_graph(&graph);
 
-    run.stage(Stage::Calibrate, 0, |observer| {
+    run.stage(Stage::Calibrate, 0, async |observer, _| {
         let summary = calibrate::run(&mut graph, &options.calibrate, observer)?;
         Ok(((), summary.to_string()))
-    })?;
-    run.stage(Stage::RelativePose, 0, |observer| {
+    })
+    .await?;
+    run.stage(Stage::RelativePose, 0, async |observer, _| {
         let summary = relative_pose::run(&mut graph, &options.relative_pose, options.matches, options.seed, observer)?;
         Ok(((), summary.to_string()))
-    })?;
+    })
+    .await?;
     if graph.pairs.is_empty() {
         return Err(MapperError::NoPairs {
             min_inliers: options.relative_pose.min_inliers,
@@ -57,11 +64,13 @@ pub fn reconstruct(
         });
     }
     reasons.after_relative_poses(&graph);
-    let rotations = run.stage(Stage::Rotation, 0, |observer| {
-        let rotations = rotation::run(&graph, &options.rotation, observer)?;
-        let summary = rotations.to_string();
-        Ok((rotations, summary))
-    })?;
+    let rotations = run
+        .stage(Stage::Rotation, 0, async |observer, _| {
+            let rotations = rotation::run(&graph, &options.rotation, observer)?;
+            let summary = rotations.to_string();
+            Ok((rotations, summary))
+        })
+        .await?;
     reasons.after_rotations(&rotations, options.min_component_images);
 
     // Retriangulation judges every match by itself, so pairs that rotation averaging found fault with count as well:
@@ -89,7 +98,8 @@ pub fn reconstruct(
             &mut run,
             &mut reasons,
             &mut parts,
-        );
+        )
+        .await;
         match built {
             Ok((component, report)) => {
                 let (images, points) = (component.reconstruction.images.len(), component.reconstruction.points.len());
@@ -137,8 +147,19 @@ pub fn reconstruct(
     Ok(Outcome { reconstructions: finished.into_iter().map(|(c, _)| c.reconstruction).collect(), report })
 }
 
+/// [`reconstruct`] for callers that may wait: everything but a browser tab.
+pub fn reconstruct_blocking(
+    graph: ViewGraph,
+    options: &Options,
+    engine: &mut Engine,
+    images: Option<&mut dyn ImageSource>,
+    observer: &mut dyn Observer,
+) -> Result<Outcome, MapperError> {
+    block_on(reconstruct(graph, options, engine, images, observer))
+}
+
 /// Tracks to finish, for one component.
-fn reconstruct_component(
+async fn reconstruct_component(
     graph: &ViewGraph,
     part: &RotationComponent,
     rotations: &rotation::Rotations,
@@ -151,30 +172,34 @@ fn reconstruct_component(
     parts: &mut VecDeque<RotationComponent>,
 ) -> Result<(Component, ComponentReport), MapperError> {
     let mut component = Component::new(graph, &part.images);
-    let tracks = run.stage(Stage::Tracks, number, |observer| {
-        let mut in_component = vec![false; graph.images.len()];
-        for &(i, _) in &part.images {
-            in_component[i] = true;
-        }
-        let tracks = tracks::run(graph, &in_component, &rotations.kept_pairs, &options.tracks, observer)?;
-        let summary = format!("{} tracks, {} observations", tracks.len(), tracks.observations.len());
-        Ok((tracks, summary))
-    })?;
+    let tracks = run
+        .stage(Stage::Tracks, number, async |observer, _| {
+            let mut in_component = vec![false; graph.images.len()];
+            for &(i, _) in &part.images {
+                in_component[i] = true;
+            }
+            let tracks = tracks::run(graph, &in_component, &rotations.kept_pairs, &options.tracks, observer)?;
+            let summary = format!("{} tracks, {} observations", tracks.len(), tracks.observations.len());
+            Ok((tracks, summary))
+        })
+        .await?;
     if tracks.is_empty() {
         return Err(MapperError::NothingReconstructed(
             "no keypoint is matched across three or more images; match more pairs of each image".into(),
         ));
     }
-    let positioned = run.stage(Stage::Position, number, |observer| {
-        let positioned = position::run(graph, &tracks, &mut component, &options.position, observer)?;
-        let summary = format!(
-            "{} of {} observations kept, {:.1} % within 1°",
-            component.reconstruction.num_observations(),
-            positioned.observations,
-            100.0 * positioned.report.kept().quality.agreeing_share
-        );
-        Ok((positioned, summary))
-    })?;
+    let positioned = run
+        .stage(Stage::Position, number, async |observer, engine| {
+            let positioned = position::run(graph, &tracks, &mut component, &options.position, engine, observer).await?;
+            let summary = format!(
+                "{} of {} observations kept, {:.1} % within 1°",
+                component.reconstruction.num_observations(),
+                positioned.observations,
+                100.0 * positioned.report.kept().quality.agreeing_share
+            );
+            Ok((positioned, summary))
+        })
+        .await?;
     drop(tracks);
     reasons.set(positioned.without_tracks.iter().copied(), &UnregisteredReason::NoTracks);
     for group in &positioned.left_over {
@@ -184,14 +209,16 @@ fn reconstruct_component(
         parts.push_back(RotationComponent { images: rest });
     }
     reasons.set(component.graph_image.iter().copied(), &UnregisteredReason::NoObservationsLeft);
-    let refined = run.stage(Stage::Refine, number, |observer| {
-        let summary = refine::run(&mut component, options.intrinsics, &options.refine, observer)?;
-        let text = format!(
-            "{} solves, {} iterations, {} of {} observations kept",
-            summary.solves, summary.iterations, summary.observations_after, summary.observations_before
-        );
-        Ok((summary, text))
-    })?;
+    let refined = run
+        .stage(Stage::Refine, number, async |observer, engine| {
+            let summary = refine::run(&mut component, options.intrinsics, &options.refine, engine, observer).await?;
+            let text = format!(
+                "{} solves, {} iterations, {} of {} observations kept",
+                summary.solves, summary.iterations, summary.observations_after, summary.observations_before
+            );
+            Ok((summary, text))
+        })
+        .await?;
     let kept = refined.observations_after as f64 / positioned.observations.max(1) as f64;
     // global-positioning.md §5: failed runs kept 4 %, doubtful ones 10–30 %.
     if kept < 0.1 {
@@ -207,16 +234,18 @@ fn reconstruct_component(
         ));
     }
     if options.retriangulate.enabled && !run.observer.should_stop() {
-        run.stage(Stage::Retriangulate, number, |observer| {
-            let summary = retriangulated(correspondences, &mut component, options, observer)?;
+        run.stage(Stage::Retriangulate, number, async |observer, engine| {
+            let summary = retriangulated(correspondences, &mut component, options, engine, observer).await?;
             Ok(((), summary))
-        })?;
+        })
+        .await?;
     }
-    run.stage(Stage::Finish, number, |observer| {
+    run.stage(Stage::Finish, number, async |observer, _| {
         let source = images.as_mut().map(|i| &mut **i as &mut dyn ImageSource);
         let summary = finish::run(&mut component, source, &options.finish, observer)?;
         Ok(((), summary.to_string()))
-    })?;
+    })
+    .await?;
     let reconstruction = &component.reconstruction;
     if reconstruction.images.len() < options.min_component_images {
         return Err(MapperError::NothingReconstructed(format!(
@@ -239,10 +268,11 @@ fn reconstruct_component(
 }
 
 /// Retriangulation with its adjustments, then the last adjustment and filters.
-fn retriangulated(
+async fn retriangulated(
     correspondences: &CorrespondenceGraph,
     component: &mut Component,
     options: &Options,
+    engine: &mut Engine,
     observer: &mut dyn Observer,
 ) -> Result<String, MapperError> {
     let adjustment = Adjustment {
@@ -251,39 +281,42 @@ fn retriangulated(
         intrinsics: options.intrinsics,
         relative_decrease_tolerance: options.refine.relative_decrease_tolerance,
     };
-    let mut adjust = |component: &mut Component, observer: &mut dyn Observer| {
-        refine::adjust(component, &adjustment, &options.refine, observer)?;
+    let mut adjust = async |component: &mut Component, observer: &mut dyn Observer| {
+        refine::adjust(component, &adjustment, &options.refine, engine, observer).await?;
         epipole_scene::normalize::normalize(&mut component.reconstruction);
         Ok(())
     };
     let summary =
-        retriangulate::run(correspondences, component, &options.retriangulate, options.seed, &mut adjust, observer)?;
+        retriangulate::run(correspondences, component, &options.retriangulate, options.seed, &mut adjust, observer)
+            .await?;
     refine::final_filter(component, &options.refine);
     let last =
         Adjustment { relative_decrease_tolerance: options.refine.final_relative_decrease_tolerance, ..adjustment };
-    refine::adjust(component, &last, &options.refine, observer)?;
+    refine::adjust(component, &last, &options.refine, engine, observer).await?;
     epipole_scene::normalize::normalize(&mut component.reconstruction);
     refine::final_filter(component, &options.refine);
     Ok(summary.to_string())
 }
 
-/// The observer with the bookkeeping of the report.
+/// The observer and the engine with the bookkeeping of the report.
 struct Run<'a> {
     observer: &'a mut dyn Observer,
+    engine: &'a mut Engine,
     stages: Vec<StageTime>,
     warnings: Vec<String>,
 }
 
 impl Run<'_> {
-    fn stage<T>(
+    async fn stage<T>(
         &mut self,
         stage: Stage,
         component: usize,
-        work: impl FnOnce(&mut dyn Observer) -> Result<(T, String), MapperError>,
+        work: impl AsyncFnOnce(&mut dyn Observer, &mut Engine) -> Result<(T, String), MapperError>,
     ) -> Result<T, MapperError> {
         self.observer.event(&Event::StageStarted { stage, component });
         let start = self.observer.now_seconds();
-        let (result, summary) = work(&mut Recorder { inner: self.observer, warnings: &mut self.warnings })?;
+        let mut recorder = Recorder { inner: self.observer, warnings: &mut self.warnings };
+        let (result, summary) = work(&mut recorder, self.engine).await?;
         let seconds = self.observer.now_seconds() - start;
         self.observer.event(&Event::StageFinished { stage, component, seconds, summary: summary.clone() });
         self.stages.push(StageTime { stage, component, seconds, summary });
@@ -304,7 +337,7 @@ struct Recorder<'a> {
 
 impl Observer for Recorder<'_> {
     fn event(&mut self, event: &Event) {
-        if let Event::Warning { message } = event {
+        if let Event::Warning { message } | Event::DeviceLost { message, .. } = event {
             self.warnings.push(message.clone());
         }
         self.inner.event(event);

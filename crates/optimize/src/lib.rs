@@ -10,6 +10,7 @@ extern crate self as epipole_optimize;
 
 pub mod active;
 pub mod bundle;
+pub mod engine;
 mod error;
 pub mod executor;
 #[cfg(feature = "gpu")]
@@ -21,5 +22,6 @@ pub(crate) mod parallel;
 pub mod positioning;
 pub mod reduced;
 
+pub use engine::Engine;
 pub use error::OptimizeError;
 pub use loss::Loss;

@@ -1,5 +1,7 @@
 //! The Levenberg–Marquardt loop, written once: it sees scalars only and knows neither devices nor cameras.
 
+use crate::engine::Notice;
+
 /// A state's cost.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Evaluation {
@@ -146,6 +148,8 @@ pub struct LmReport {
 pub trait Observer {
     /// Called after every iteration.
     fn iteration(&mut self, _record: &IterationRecord) {}
+    /// Called where a solve leaves the place it was meant for.
+    fn notice(&mut self, _notice: &Notice) {}
     /// Asked before every iteration.
     fn should_stop(&self) -> bool {
         false

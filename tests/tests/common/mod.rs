@@ -4,7 +4,8 @@
 use std::path::Path;
 
 use epipole_formats::{read_model, write_model_binary, write_model_text};
-use epipole_mapper::{Event, Observer, Options, Outcome, reconstruct};
+use epipole_mapper::{Event, Observer, Options, Outcome, reconstruct_blocking};
+use epipole_optimize::Engine;
 use epipole_scene::evaluate::{EvaluateOptions, Evaluation, evaluate};
 use epipole_scene::{Reconstruction, ViewGraph};
 
@@ -25,7 +26,8 @@ impl Observer for Listener {
 
 /// Runs the pipeline and checks every model it makes.
 pub(crate) fn run(graph: &ViewGraph, options: &Options) -> Outcome {
-    let outcome = reconstruct(graph.clone(), options, None, &mut Listener::default()).expect("a reconstruction");
+    let outcome = reconstruct_blocking(graph.clone(), options, &mut Engine::Cpu, None, &mut Listener::default())
+        .expect("a reconstruction");
     outcome.reconstructions.iter().for_each(check_consistent);
     outcome
 }

@@ -1,19 +1,21 @@
 //! `epipole bundle`: bundle adjustment of a BAL file or a COLMAP model.
 
-mod backend;
 mod from_bal;
 mod from_model;
 
 use std::time::Instant;
 
 use epipole_formats::{bal, write_model_binary};
-use epipole_optimize::Loss;
 use epipole_optimize::active::Activation;
-use epipole_optimize::bundle::{Options, Problem};
+use epipole_optimize::bundle::{Options, Problem, solve_with};
+use epipole_optimize::engine::Notice;
+use epipole_optimize::executor::block_on;
 use epipole_optimize::lm::{IterationRecord, LmOptions, LmReport, Observer, Termination};
+use epipole_optimize::{Engine, Loss};
 use serde_json::json;
 
 use crate::args::{BundleArgs, Precision};
+use crate::backend::{self, Size};
 use crate::error::CliError;
 use crate::{interrupt, locate, output};
 
@@ -84,13 +86,18 @@ fn solve(problem: &mut Problem, activation: Activation, args: &BundleArgs) -> Re
         ..LmOptions::default()
     };
     let options = Options { lm, activation, ..Options::default() };
+    let mut engine = backend::engine(args.backend, Size::Observations(problem.observation_px.len()), true)?;
     let start = Instant::now();
     let mut watch = Watch { json: args.json };
-    let report = backend::solve(problem, &options, args.precision, args.backend, &mut watch)?;
+    let report = match (&engine, args.precision) {
+        (Engine::Cpu, Precision::F32) => solve_with::<f32>(problem, &options, &mut watch)?,
+        _ => block_on(engine.adjust(problem, &options, &mut watch))?,
+    };
     let seconds = start.elapsed().as_secs_f64();
     if args.json {
         output::json_line(&json!({
             "event": "finished",
+            "engine": engine.description(),
             "images": problem.cam_from_world.len(),
             "points": problem.points.len(),
             "observations": problem.observation_px.len(),
@@ -134,6 +141,14 @@ impl Observer for Watch {
         } else {
             let verdict = if record.accepted { "" } else { "  refused" };
             eprintln!("{:4}  cost {:.9e}  damping {:.1e}{verdict}", record.iteration, record.cost, record.lambda);
+        }
+    }
+
+    fn notice(&mut self, notice: &Notice) {
+        if self.json {
+            output::json_line(&json!({ "event": "warning", "message": notice.to_string() }));
+        } else {
+            eprintln!("warning: {notice}");
         }
     }
 

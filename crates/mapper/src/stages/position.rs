@@ -4,7 +4,7 @@
 //! angular bound that global-positioning.md §3 found better.
 
 use epipole_geometry::Rigid3;
-use epipole_optimize::positioning;
+use epipole_optimize::{Engine, positioning};
 use epipole_scene::{Observation, Point, ViewGraph, filter, normalize};
 use serde::{Deserialize, Serialize};
 
@@ -63,11 +63,12 @@ pub struct Summary {
 ///
 /// Images that the tracks do not join to the largest group are taken out of the component, because their position
 /// relative to it is unknown.
-pub fn run(
+pub async fn run(
     graph: &ViewGraph,
     tracks: &Tracks,
     component: &mut Component,
     options: &Options,
+    engine: &mut Engine,
     observer: &mut dyn Observer,
 ) -> Result<Summary, MapperError> {
     let image_of = component.image_of_graph(graph.images.len());
@@ -117,7 +118,7 @@ pub fn run(
     let mut solver = positioning::Options { huber: options.huber, ..positioning::Options::default() };
     solver.lm.relative_decrease_tolerance = options.relative_decrease_tolerance;
     let mut forward = Forward { stage: Stage::Position, observer };
-    let report = positioning::solve(&mut problem, &solver, &mut forward)?;
+    let report = engine.position(&mut problem, &solver, &mut forward).await?;
     for (image, &center) in component.reconstruction.images.iter_mut().zip(&problem.centers) {
         image.cam_from_world = Rigid3::from_rotation_and_center(image.cam_from_world.rotation, center);
     }

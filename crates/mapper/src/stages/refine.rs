@@ -3,7 +3,9 @@
 //! Source: GLOMAP's schedule with COLMAP 4.2's filter semantics (algorithms.md §2.8, §2.9).
 
 use epipole_geometry::camera::{Camera, MAX_PARAMS};
+use epipole_optimize::Engine;
 use epipole_optimize::bundle::{self, ParamPrior, PoseFreedom};
+use epipole_optimize::engine::Notice;
 use epipole_optimize::lm::{IterationRecord, LmReport};
 use epipole_optimize::loss::Loss;
 use epipole_scene::filter;
@@ -96,10 +98,11 @@ pub struct Summary {
 }
 
 /// Adjusts poses, points and intrinsics of a component once.
-pub fn adjust(
+pub async fn adjust(
     component: &mut Component,
     adjustment: &Adjustment,
     options: &Options,
+    engine: &mut Engine,
     observer: &mut dyn Observer,
 ) -> Result<LmReport, MapperError> {
     let reconstruction = &mut component.reconstruction;
@@ -140,7 +143,7 @@ pub fn adjust(
     let is_final = adjustment.relative_decrease_tolerance <= options.final_relative_decrease_tolerance;
     lm_options.lm.small_decreases = if is_final { 2 } else { 1 };
     let mut forward = Forward { stage: adjustment.stage, observer };
-    let report = bundle::solve(&mut problem, &lm_options, &mut forward)?;
+    let report = engine.adjust(&mut problem, &lm_options, &mut forward).await?;
     for (image, pose) in reconstruction.images.iter_mut().zip(&problem.cam_from_world) {
         image.cam_from_world = *pose;
     }
@@ -151,7 +154,7 @@ pub fn adjust(
     Ok(report)
 }
 
-/// Passes iterations on as events.
+/// Passes iterations and notices on as events.
 pub(crate) struct Forward<'a> {
     pub(crate) stage: Stage,
     pub(crate) observer: &'a mut dyn Observer,
@@ -166,6 +169,16 @@ impl epipole_optimize::lm::Observer for Forward<'_> {
             damping: record.lambda,
             active_observations: record.active,
             accepted: record.accepted,
+        });
+    }
+
+    fn notice(&mut self, notice: &Notice) {
+        let message = notice.to_string();
+        self.observer.event(&match notice.clone() {
+            Notice::DeviceLost { reason, resumed_on } => {
+                Event::DeviceLost { stage: self.stage, reason, resumed_on, message }
+            }
+            Notice::OnCpu { .. } => Event::Warning { message },
         });
     }
 
@@ -204,10 +217,11 @@ fn priors(camera: &Camera, intrinsics: Intrinsics, options: &Options) -> Vec<Par
 }
 
 /// All rounds.
-pub fn run(
+pub async fn run(
     component: &mut Component,
     intrinsics: Intrinsics,
     options: &Options,
+    engine: &mut Engine,
     observer: &mut dyn Observer,
 ) -> Result<Summary, MapperError> {
     let mut summary =
@@ -225,7 +239,7 @@ pub fn run(
                 intrinsics,
                 relative_decrease_tolerance: options.relative_decrease_tolerance,
             };
-            let report = adjust(component, &adjustment, options, observer)?;
+            let report = adjust(component, &adjustment, options, engine, observer).await?;
             summary.solves += 1;
             summary.iterations += report.iterations;
         }

@@ -90,12 +90,12 @@ pub struct Grown {
 /// (bundle adjustment, the caller's) with completing, merging and filtering until little changes.
 ///
 /// The component keeps its images, also those that lose every observation. Asked to stop, it ends after the current pass.
-pub fn run(
+pub async fn run(
     correspondences: &CorrespondenceGraph,
     component: &mut Component,
     options: &Options,
     seed: u64,
-    adjust: &mut dyn FnMut(&mut Component, &mut dyn Observer) -> Result<(), MapperError>,
+    adjust: &mut impl AsyncFnMut(&mut Component, &mut dyn Observer) -> Result<(), MapperError>,
     observer: &mut dyn Observer,
 ) -> Result<Summary, MapperError> {
     let mut summary = Summary {
@@ -120,7 +120,7 @@ pub fn run(
     progress(observer, 1);
     let mut before = component.reconstruction.num_observations();
     while summary.rounds < options.rounds && !observer.should_stop() {
-        adjust(component, observer)?;
+        adjust(component, observer).await?;
         grow(component, &mut summary);
         summary.filtered += filter(component, options.filter_max_error_px, options.filter_min_angle_deg);
         summary.rounds += 1;

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use epipole_optimize::executor::block_on;
 use epipole_scene::Observation;
 use glam::{DVec2, DVec3};
 
@@ -49,8 +50,8 @@ fn wrong_matches_do_not_enter_the_tracks() {
     let correspondences = scene.correspondences();
     // The true poses need no adjustment. Rounds matter all the same: a filter frees the keypoints of chance
     // intersections, and the next round gives them to the points they belong to.
-    let mut adjust = |_: &mut Component, _: &mut dyn Observer| Ok(());
-    run(&correspondences, &mut scene.component, &Options::default(), 0, &mut adjust, &mut Silent).unwrap();
+    let mut adjust = async |_: &mut Component, _: &mut dyn Observer| Ok(());
+    block_on(run(&correspondences, &mut scene.component, &Options::default(), 0, &mut adjust, &mut Silent)).unwrap();
     assert_consistent_after_filter(&scene.component);
     let (mut right, mut wrong) = (0, 0);
     let mut recovered = BTreeSet::new();
@@ -94,9 +95,9 @@ fn the_number_of_threads_changes_nothing() {
         let correspondences = scene.correspondences();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let mut adjust = |_: &mut Component, _: &mut dyn Observer| Ok(());
+            let mut adjust = async |_: &mut Component, _: &mut dyn Observer| Ok(());
             let component = &mut scene.component;
-            run(&correspondences, component, &Options::default(), 5, &mut adjust, &mut Silent).unwrap();
+            block_on(run(&correspondences, component, &Options::default(), 5, &mut adjust, &mut Silent)).unwrap();
         });
         let points = &scene.component.reconstruction.points;
         points.iter().map(|p| (p.position.to_array().map(f64::to_bits), p.observations.clone())).collect::<Vec<_>>()
@@ -309,13 +310,13 @@ fn the_stage_alternates_until_little_changes() {
     let before = scene.point(0, &[0, 1]);
     scene.component.reconstruction.points = vec![before];
     let mut calls = 0;
-    let mut adjust = |component: &mut Component, _: &mut dyn Observer| {
+    let mut adjust = async |component: &mut Component, _: &mut dyn Observer| {
         calls += 1;
         assert!(component.reconstruction.points.len() >= 100);
         Ok(())
     };
     let component = &mut scene.component;
-    let summary = run(&correspondences, component, &Options::default(), 0, &mut adjust, &mut Silent).unwrap();
+    let summary = block_on(run(&correspondences, component, &Options::default(), 0, &mut adjust, &mut Silent)).unwrap();
     assert_eq!((summary.points_before, summary.observations_before), (1, 2));
     assert_eq!(summary.rounds, calls);
     assert!((1..5).contains(&calls), "{calls}");
@@ -343,20 +344,23 @@ impl Observer for Stopping {
 fn asked_to_stop_it_keeps_what_it_has_and_errors_come_through() {
     let mut scene = Recipe::default().build();
     let correspondences = scene.correspondences();
-    let mut never = |_: &mut Component, _: &mut dyn Observer| -> Result<(), MapperError> { panic!("stopped before") };
+    let mut never =
+        async |_: &mut Component, _: &mut dyn Observer| -> Result<(), MapperError> { panic!("stopped before") };
     let component = &mut scene.component;
-    let summary = run(&correspondences, component, &Options::default(), 0, &mut never, &mut Stopping).unwrap();
+    let summary =
+        block_on(run(&correspondences, component, &Options::default(), 0, &mut never, &mut Stopping)).unwrap();
     assert_eq!((summary.rounds, summary.points_after), (0, 120));
-    let mut fails = |_: &mut Component, _: &mut dyn Observer| Err(MapperError::Stopped);
-    assert!(run(&correspondences, component, &Options::default(), 0, &mut fails, &mut Silent).is_err());
+    let mut fails = async |_: &mut Component, _: &mut dyn Observer| Err(MapperError::Stopped);
+    assert!(block_on(run(&correspondences, component, &Options::default(), 0, &mut fails, &mut Silent)).is_err());
 }
 
 #[test]
 fn nothing_in_nothing_out() {
     let correspondences = CorrespondenceGraph::default();
     let mut component = Component::default();
-    let mut adjust = |_: &mut Component, _: &mut dyn Observer| Ok(());
-    let summary = run(&correspondences, &mut component, &Options::default(), 0, &mut adjust, &mut Silent).unwrap();
+    let mut adjust = async |_: &mut Component, _: &mut dyn Observer| Ok(());
+    let summary =
+        block_on(run(&correspondences, &mut component, &Options::default(), 0, &mut adjust, &mut Silent)).unwrap();
     assert_eq!((summary.points_after, summary.rounds), (0, 1));
     let mut scene = Recipe::default().build();
     scene.graph.pairs = vec![pair(0, 1, Vec::new())];

@@ -1,0 +1,145 @@
+//! Solves on a device that may be too weak for a problem, or go away in the middle of it: never a silent change of place.
+
+use std::rc::Rc;
+
+use super::Notice;
+use crate::error::OptimizeError;
+use crate::gpu::{Device, GpuError, Limits};
+use crate::lm::{LmOptions, LmReport, Observer};
+use crate::{bundle, positioning};
+
+/// Below this the processor is done before a device has answered a few dozen times.
+pub const MIN_OBSERVATIONS: usize = 100_000;
+/// In single precision a smaller decrease is rounding (source: `solver.md` §5.7).
+const MIN_TOLERANCE: f64 = 1e-7;
+/// Losses within one solve after which it goes on on the CPU: a problem that takes the driver down does so every time.
+const MAX_LOSSES: usize = 3;
+
+/// Which solves a device gets.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Policy {
+    /// Smaller problems stay on the CPU, which is faster there, without a notice.
+    pub min_observations: usize,
+    /// A problem that the device cannot solve is an error instead of a [`Notice`] and a solve on the CPU. A lost device
+    /// is no such problem.
+    pub strict: bool,
+}
+
+/// A device with its policy.
+///
+/// Where the device is lost it opens another and goes on from the last state that was kept, or goes on on the CPU where
+/// there is no other; the observer is told either way ([`Notice`]).
+#[derive(Debug)]
+pub struct DeviceEngine {
+    /// `None` after a loss that no new device replaced.
+    device: Option<Rc<Device>>,
+    limits: Limits,
+    policy: Policy,
+    told: Vec<Notice>,
+}
+
+impl DeviceEngine {
+    /// Opens the fastest adapter, a software one where there is no other.
+    ///
+    /// # Errors
+    /// [`GpuError`] where there is no adapter or it gives no device.
+    pub async fn open(limits: Limits, policy: Policy) -> Result<Self, GpuError> {
+        let device = Some(Rc::new(Device::open(limits).await?));
+        Ok(Self { device, limits, policy, told: Vec::new() })
+    }
+
+    /// The device, unless it was lost for good.
+    pub fn device(&self) -> Option<Rc<Device>> {
+        self.device.clone()
+    }
+
+    pub(super) fn description(&self) -> String {
+        match &self.device {
+            Some(device) => device.description().into(),
+            None => "the CPU, after the GPU device was lost".into(),
+        }
+    }
+
+    pub(super) async fn adjust(
+        &mut self,
+        problem: &mut bundle::Problem,
+        options: &bundle::Options,
+        observer: &mut dyn Observer,
+    ) -> Result<LmReport, OptimizeError> {
+        if problem.observation_px.len() < self.policy.min_observations {
+            return bundle::solve(problem, options, observer);
+        }
+        let single = bundle::Options { lm: in_single_precision(&options.lm), ..*options };
+        let mut losses = 0;
+        while let Some(device) = self.device.clone() {
+            match bundle::gpu::solve(&device, problem, &single, observer).await {
+                Err(OptimizeError::Gpu(GpuError::Lost { reason })) => {
+                    losses += 1;
+                    self.replace(losses, reason, observer).await;
+                }
+                Err(OptimizeError::Gpu(error)) => {
+                    self.refused("bundle adjustment", error, observer).await?;
+                    break;
+                }
+                solved => return solved,
+            }
+        }
+        bundle::solve(problem, options, observer)
+    }
+
+    pub(super) async fn position(
+        &mut self,
+        problem: &mut positioning::Problem,
+        options: &positioning::Options,
+        observer: &mut dyn Observer,
+    ) -> Result<positioning::Report, OptimizeError> {
+        if self.device.is_some() && problem.observation_image.len() >= self.policy.min_observations {
+            let reason = "its kernels are not part of this version".into();
+            self.tell(Notice::OnCpu { what: "global positioning", reason }, observer);
+        }
+        positioning::solve(problem, options, observer)
+    }
+
+    /// A new device in place of a lost one, if there is one and the loss was not one too many.
+    async fn replace(&mut self, losses: usize, reason: String, observer: &mut dyn Observer) {
+        self.device = match losses < MAX_LOSSES {
+            true => Device::open(self.limits).await.ok().map(Rc::new),
+            false => None,
+        };
+        let resumed_on = self.device.as_ref().map(|device| device.description().to_string());
+        observer.notice(&Notice::DeviceLost { reason, resumed_on });
+    }
+
+    /// The device is there but did not solve the problem: an error, or the CPU's turn.
+    async fn refused(
+        &mut self,
+        what: &'static str,
+        error: GpuError,
+        observer: &mut dyn Observer,
+    ) -> Result<(), OptimizeError> {
+        if self.policy.strict {
+            return Err(error.into());
+        }
+        // A device that failed once answers everything with that failure; the next solve deserves a fresh one.
+        if self.device.as_ref().is_some_and(|device| device.check().is_err()) {
+            self.device = Device::open(self.limits).await.ok().map(Rc::new);
+        }
+        self.tell(Notice::OnCpu { what, reason: error.to_string() }, observer);
+        Ok(())
+    }
+
+    fn tell(&mut self, notice: Notice, observer: &mut dyn Observer) {
+        if !self.told.contains(&notice) {
+            observer.notice(&notice);
+            self.told.push(notice);
+        }
+    }
+}
+
+fn in_single_precision(lm: &LmOptions) -> LmOptions {
+    LmOptions {
+        relative_decrease_tolerance: lm.relative_decrease_tolerance.max(MIN_TOLERANCE),
+        lambda_min: lm.lambda_min.max(LmOptions::default().lambda_min),
+        ..*lm
+    }
+}
