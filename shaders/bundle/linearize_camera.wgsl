@@ -38,6 +38,6 @@ fn linearize_camera(
     }
     let total = reduce_step(lane, sum);
     if lane == 0u {
-        partials[g] = total;
+        partials[segment.slot] = total;
     }
 }

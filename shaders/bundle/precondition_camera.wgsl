@@ -102,8 +102,8 @@ fn precondition_camera(
         sums += vec2f(entry_sum(first), entry_sum(second));
         workgroupBarrier();
     }
-    block_sums[g * SUMS + lane] = sums.x;
+    block_sums[segment.slot * SUMS + lane] = sums.x;
     if lane + 64u < SUMS {
-        block_sums[g * SUMS + lane + 64u] = sums.y;
+        block_sums[segment.slot * SUMS + lane + 64u] = sums.y;
     }
 }

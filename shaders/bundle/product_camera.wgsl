@@ -43,6 +43,6 @@ fn product_camera(
     }
     let total = reduce_step(lane, sum);
     if lane == 0u {
-        partials[g] = total;
+        partials[segment.slot] = total;
     }
 }

@@ -1,5 +1,5 @@
-// Who belongs to whom, as one array: segments of each image (images + 1 offsets), images of each camera (cameras + 1
-// offsets), those images in order, then the cameras with many images.
+// Who belongs to whom, as one array: slots of the segments of each image (images + 1 offsets), images of each camera
+// (cameras + 1 offsets), those images in order, then the cameras with many images.
 
 // Cameras with more images than this are summed by a whole workgroup.
 const FEW_IMAGES = 32u;

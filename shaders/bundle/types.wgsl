@@ -3,10 +3,12 @@
 #import "common/perspective.wgsl"
 
 struct Params {
+    // Of the chunk where a kernel works on one, else of all.
     points: u32,
     observations: u32,
     images: u32,
     cameras: u32,
+    // As points.
     segments: u32,
     // Size of a lattice cell, a power of two.
     cell: f32,
@@ -19,6 +21,7 @@ struct Params {
     eta: f32,
     min_iterations: u32,
     max_iterations: u32,
+    // Rows of sums over points; as points.
     point_groups: u32,
     big_cameras: u32,
 }
@@ -62,12 +65,13 @@ struct ByImage {
     padding: u32,
 }
 
-// At most 512 observations of one image.
+// At most 512 observations of one image in one chunk of points.
 struct Segment {
     image: u32,
     start: u32,
     end: u32,
-    padding: u32,
+    // Where its sums go: an image's follow one another, chunk by chunk.
+    slot: u32,
 }
 
 const OUT = 0x80000000u;

@@ -42,10 +42,14 @@ impl Device {
 
     /// A uniform buffer that holds `value`, whose size must be a multiple of 16 bytes.
     pub fn uniform<T: Pod>(&self, name: &'static str, value: &T) -> Result<wgpu::Buffer, GpuError> {
-        let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-        let buffer = self.buffer(name, size_of::<T>() as u64, usage)?;
+        let buffer = self.uniforms(name, size_of::<T>() as u64)?;
         self.write(&buffer, std::slice::from_ref(value));
         Ok(buffer)
+    }
+
+    /// A uniform buffer of `bytes`, to be written later.
+    pub fn uniforms(&self, name: &'static str, bytes: u64) -> Result<wgpu::Buffer, GpuError> {
+        self.buffer(name, bytes, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST)
     }
 
     /// Overwrites the start of a buffer, in queue order.

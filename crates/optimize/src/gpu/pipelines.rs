@@ -75,8 +75,19 @@ impl Pipelines {
         Ok(Self { compiled })
     }
 
-    /// Binds buffers in the order of the kernel's table row. The kernel must be among those that were compiled.
+    /// Binds whole buffers in the order of the kernel's table row. The kernel must be among those that were compiled.
     pub fn bind(&self, device: &Device, kernel: &Kernel, buffers: &[&wgpu::Buffer]) -> Result<Bound, GpuError> {
+        let whole: Vec<_> = buffers.iter().map(|buffer| buffer.as_entire_buffer_binding()).collect();
+        self.bind_parts(device, kernel, &whole)
+    }
+
+    /// The same with parts of buffers, whose offsets are multiples of 256 bytes.
+    pub fn bind_parts(
+        &self,
+        device: &Device,
+        kernel: &Kernel,
+        buffers: &[wgpu::BufferBinding<'_>],
+    ) -> Result<Bound, GpuError> {
         let refuse = |reason: String| GpuError::Refused { reason };
         let found = self.compiled.iter().find(|c| c.kernel.name == kernel.name);
         let Compiled { pipeline, layout, .. } =
@@ -87,7 +98,10 @@ impl Pipelines {
         let entries: Vec<_> = buffers
             .iter()
             .zip(0..)
-            .map(|(buffer, binding)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+            .map(|(part, binding)| wgpu::BindGroupEntry {
+                binding,
+                resource: wgpu::BindingResource::Buffer(part.clone()),
+            })
             .collect();
         let descriptor = wgpu::BindGroupDescriptor { label: Some(kernel.name), layout, entries: &entries };
         let group = device.device.create_bind_group(&descriptor);

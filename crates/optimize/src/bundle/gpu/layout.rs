@@ -1,12 +1,11 @@
-//! A problem as the kernels' arrays: observations in two orders, segments, who belongs to whom, and the start state.
+//! A problem as the kernels' arrays: chunks of points, who belongs to whom, and the start state.
 
+use super::chunk::{Chunk, ChunkLimits, assign_slots, split};
 use super::lattice::Lattice;
-use super::records::{CAMERA_UNKNOWNS, Intrinsics, OUT, Point, View, intrinsics, param_slots};
+use super::records::{CAMERA_UNKNOWNS, Intrinsics, OUT, View, intrinsics, param_slots};
 use crate::bundle::problem::{PoseFreedom, Problem};
 use crate::gpu::{GpuError, Variant};
 
-/// Observations of one image that one workgroup sums (source: `solver.md` §2.1).
-const SEGMENT: usize = 512;
 /// As `FEW_IMAGES` in `topology.wgsl`.
 pub(super) const FEW_IMAGES: usize = 32;
 
@@ -16,17 +15,9 @@ pub(super) struct Layout {
     /// In which variant the kernels run.
     pub(super) variant: Variant,
     pub(super) lattice: Lattice,
-    /// `points + 1` offsets into the points' order.
-    pub(super) tracks: Vec<u32>,
-    /// Points' order: image and weight.
-    pub(super) by_point: Vec<[u32; 2]>,
-    pub(super) pixels: Vec<[f32; 2]>,
-    /// Images' order: point, weight, place in the points' order.
-    pub(super) by_image: Vec<[u32; 4]>,
-    /// For each place in the points' order, that in the images' order.
-    pub(super) image_order: Vec<u32>,
-    /// Image, start, end.
-    pub(super) segments: Vec<[u32; 4]>,
+    pub(super) chunks: Vec<Chunk>,
+    /// Segments of all chunks.
+    pub(super) segments: usize,
     /// See `shaders/bundle/topology.wgsl`.
     pub(super) topology: Vec<u32>,
     pub(super) big_cameras: usize,
@@ -35,78 +26,30 @@ pub(super) struct Layout {
     /// Accepted state; the kernels' buffers hold it three times.
     pub(super) views: Vec<View>,
     pub(super) intrinsics: Vec<Intrinsics>,
-    pub(super) points: Vec<Point>,
 }
 
 impl Layout {
-    pub(super) fn new(problem: &Problem) -> Result<Self, GpuError> {
+    pub(super) fn new(problem: &Problem, limits: ChunkLimits) -> Result<Self, GpuError> {
         if problem.param_priors.iter().any(|priors| !priors.is_empty()) {
             return Err(GpuError::Unsupported { what: "a prior on camera parameters" });
         }
         let lattice = Lattice::new(problem);
+        let runs = split(problem, limits).into_iter();
+        let mut chunks: Vec<_> = runs.map(|run| Chunk::new(problem, run, &lattice)).collect();
+        let topology = assign_slots(&mut chunks, problem.cam_from_world.len());
         let mut layout = Self {
             variant: Variant::default(),
-            tracks: Vec::new(),
-            by_point: Vec::new(),
-            pixels: Vec::new(),
-            by_image: Vec::new(),
-            image_order: Vec::new(),
-            segments: Vec::new(),
-            topology: Vec::new(),
+            segments: chunks.iter().map(|c| c.segments.len()).sum(),
+            chunks,
+            topology,
             big_cameras: 0,
             freedom: freedom(problem)?,
             views: views(problem, &lattice),
             intrinsics: problem.cameras.iter().map(|c| intrinsics(c.model, &c.params)).collect::<Result<_, _>>()?,
-            points: problem.points.iter().map(|&p| point(&lattice, p)).collect(),
             lattice,
         };
-        let point_of = layout.sort_tracks(problem);
-        layout.sort_images(problem.cam_from_world.len(), &point_of);
         layout.add_members(problem);
         Ok(layout)
-    }
-
-    /// Observations by point and image; tracks that cannot fix a point are left out where points may move.
-    fn sort_tracks(&mut self, problem: &Problem) -> Vec<u32> {
-        let mut point_of = Vec::new();
-        let mut order: Vec<u32> = Vec::new();
-        self.tracks.push(0);
-        for (p, range) in (0u32..).zip(problem.track_start.windows(2)) {
-            if problem.fixed_points || range[1] - range[0] >= 2 {
-                order.clear();
-                order.extend(range[0]..range[1]);
-                order.sort_by_key(|&o| problem.observation_image[o as usize]);
-                for &o in &order {
-                    self.by_point.push([problem.observation_image[o as usize], 0]);
-                    self.pixels.push(problem.observation_px[o as usize].to_array().map(|v| v as f32));
-                    point_of.push(p);
-                }
-            }
-            self.tracks.push(self.by_point.len() as u32);
-        }
-        point_of
-    }
-
-    /// The images' order, cut into segments; the first part of the topology.
-    fn sort_images(&mut self, images: usize, point_of: &[u32]) {
-        let mut start = vec![0u32; images + 1];
-        self.by_point.iter().for_each(|o| start[o[0] as usize + 1] += 1);
-        (0..images).for_each(|i| start[i + 1] += start[i]);
-        let mut next = start.clone();
-        self.by_image = vec![[0; 4]; self.by_point.len()];
-        for (o, observation) in self.by_point.iter().enumerate() {
-            let place = &mut next[observation[0] as usize];
-            self.by_image[*place as usize] = [point_of[o], 0, o as u32, 0];
-            self.image_order.push(*place);
-            *place += 1;
-        }
-        for (i, range) in (0u32..).zip(start.windows(2)) {
-            self.topology.push(self.segments.len() as u32);
-            for from in (range[0]..range[1]).step_by(SEGMENT) {
-                self.segments.push([i, from, range[1].min(from + SEGMENT as u32), 0]);
-            }
-        }
-        self.topology.push(self.segments.len() as u32);
     }
 
     /// The rest of the topology: images of each camera.
@@ -128,12 +71,6 @@ impl Layout {
         self.topology.extend(big);
         self.big_cameras = self.topology.len() - before;
     }
-}
-
-fn point(lattice: &Lattice, position: glam::DVec3) -> Point {
-    let (cell, offset) = lattice.point(position);
-    let [x, y, z] = offset.map(f32::to_bits);
-    [x, y, z, cell, 0, 0, 0, 0]
 }
 
 fn views(problem: &Problem, lattice: &Lattice) -> Vec<View> {

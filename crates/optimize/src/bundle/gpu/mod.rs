@@ -5,15 +5,19 @@
 //! Pinhole and radial models and OPENCV; no parameter priors; [`Activation::Truncated`](crate::active::Activation) is
 //! left to the CPU: each is an error, not a silent fallback.
 
+mod buffers;
+mod chunk;
 mod lattice;
 mod layout;
 mod records;
+mod residency;
 mod resident;
 mod system;
 #[cfg(test)]
 mod twin;
 mod write;
 
+pub use residency::Residency;
 pub use system::GpuSystem;
 
 use super::options::Options;
@@ -47,7 +51,18 @@ pub async fn solve(
     options: &Options,
     observer: &mut dyn Observer,
 ) -> Result<LmReport, OptimizeError> {
-    let mut system = GpuSystem::new(device, problem, options)?;
+    solve_with(device, problem, options, &Residency::default(), observer).await
+}
+
+/// [`solve`] with a say in how the problem lies on the device.
+pub async fn solve_with(
+    device: &Device,
+    problem: &mut Problem,
+    options: &Options,
+    residency: &Residency,
+    observer: &mut dyn Observer,
+) -> Result<LmReport, OptimizeError> {
+    let mut system = GpuSystem::with_residency(device, problem, options, residency)?;
     let failure = system.failure();
     let mut guard = Guard { inner: observer, failure: failure.clone() };
     let mut report = minimize(&mut system, &options.lm, &mut guard).await;

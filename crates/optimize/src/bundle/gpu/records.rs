@@ -37,7 +37,9 @@ pub(super) struct Params {
 }
 
 impl Params {
-    pub(super) fn words(&self) -> [u32; 16] {
+    pub(super) const WORDS: usize = 16;
+
+    pub(super) fn words(&self) -> [u32; Self::WORDS] {
         [
             self.points,
             self.observations,

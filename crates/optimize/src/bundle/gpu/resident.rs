@@ -1,5 +1,7 @@
-//! A problem's buffers on a device, and its kernels bound to them.
+//! A problem on a device: its kernels bound to its buffers, chunk by chunk.
 
+use super::buffers::{Buffers, ChunkBuffers, ChunkPlace, ROW_ALIGN};
+use super::chunk::Chunk;
 use super::layout::Layout;
 use super::records::Params;
 use crate::gpu::kernels::{self, Kernel};
@@ -11,207 +13,171 @@ const POINT_GROUP: u64 = 64;
 const HOST_ROWS: u64 = 1024;
 /// Rows that one workgroup of the second stage sums at least: one a lane.
 const MIN_SPAN: u64 = 64;
-/// vec4f of state and of a section's unit, as in `vectors.wgsl`.
-const STATE_VEC4: u64 = 4;
-const SECTIONS: u64 = 8;
-/// Bytes of a row of eight sums.
-pub(super) const ROW_BYTES: u64 = 32;
+/// Bytes of the uniform `Params`, and from one to the next (WebGPU's `minUniformBufferOffsetAlignment` by default).
+pub(super) const PARAMS_BYTES: u64 = size_of::<[u32; Params::WORDS]>() as u64;
+const PARAMS_STRIDE: u64 = 256;
 
-/// How many workgroups each kind of kernel takes.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Groups {
-    pub(super) points: u64,
-    pub(super) observations: u64,
-    pub(super) units: u64,
-    pub(super) unit_groups: u64,
-    pub(super) segments: u64,
-    /// Rows of the second stage.
-    pub(super) reduced: u64,
+/// What a kernel's workgroups stand for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Extent {
+    /// 64 points of a chunk.
+    Points,
+    /// 64 observations of a chunk.
+    Observations,
+    /// A segment of a chunk.
+    Segments,
+    /// 64 images or cameras.
+    UnitGroups,
+    /// An image or a camera.
+    Units,
+    /// One workgroup for all.
+    One,
 }
 
-/// Buffers.
+impl Extent {
+    fn of(kernel: &Kernel) -> Self {
+        match kernel.name {
+            "reweight" => Self::Observations,
+            "linearize_camera" | "precondition_camera" | "product_camera" => Self::Segments,
+            "scale_camera" | "step_camera" | "change_camera" | "commit_camera" => Self::UnitGroups,
+            "precondition_factor" => Self::Units,
+            "pcg_start" | "pcg_step" => Self::One,
+            _ => Self::Points,
+        }
+    }
+
+    fn is_of_chunk(self) -> bool {
+        matches!(self, Self::Points | Self::Observations | Self::Segments)
+    }
+}
+
+/// A kernel with its workgroups.
 #[derive(Debug)]
-pub(super) struct Buffers {
-    pub(super) params: wgpu::Buffer,
-    pub(super) reduce_params: wgpu::Buffer,
-    pub(super) views: wgpu::Buffer,
-    pub(super) intrinsics: wgpu::Buffer,
-    pub(super) points: wgpu::Buffer,
-    pub(super) tracks: wgpu::Buffer,
-    pub(super) by_point: wgpu::Buffer,
-    pub(super) by_image: wgpu::Buffer,
-    pub(super) image_order: wgpu::Buffer,
-    pub(super) pixels: wgpu::Buffer,
-    pub(super) residuals: wgpu::Buffer,
-    pub(super) segments: wgpu::Buffer,
-    pub(super) topology: wgpu::Buffer,
-    pub(super) freedom: wgpu::Buffer,
-    pub(super) blocks: wgpu::Buffer,
-    pub(super) changes: wgpu::Buffer,
-    pub(super) partials: wgpu::Buffer,
-    pub(super) block_sums: wgpu::Buffer,
-    pub(super) inverses: wgpu::Buffer,
-    pub(super) vectors: wgpu::Buffer,
-    /// Sums of the operator, of the back-substitution and of the trial (or refresh).
-    pub(super) product_sums: wgpu::Buffer,
-    pub(super) step_sums: wgpu::Buffer,
-    pub(super) trial_sums: wgpu::Buffer,
-    pub(super) step_reduced: wgpu::Buffer,
-    pub(super) trial_reduced: wgpu::Buffer,
+struct Ready {
+    name: &'static str,
+    bound: Bound,
+    groups: u64,
 }
 
 /// A problem on a device.
 #[derive(Debug)]
 pub(super) struct Resident {
     pub(super) buffers: Buffers,
-    pub(super) groups: Groups,
+    pub(super) chunks: Vec<ChunkBuffers>,
+    /// The whole's; a chunk's differ in its counts.
     pub(super) params: Params,
-    bound: Vec<(&'static str, Bound)>,
+    /// Points, observations, segments and rows of sums of each chunk.
+    counts: Vec<[u32; 4]>,
+    /// Rows of sums over points, and of their second stage.
+    pub(super) rows: u64,
+    pub(super) reduced: u64,
+    /// Kernels of the whole, and those of each chunk.
+    whole: Vec<Ready>,
+    by_chunk: Vec<Vec<Ready>>,
 }
 
 impl Resident {
     pub(super) fn new(device: &Device, layout: &Layout, mut params: Params) -> Result<Self, GpuError> {
-        let (points, observations) = (layout.points.len() as u64, layout.by_point.len() as u64);
-        let (images, cameras) = (layout.views.len() as u64, layout.intrinsics.len() as u64);
-        let units = images + cameras;
-        let point_groups = points.div_ceil(POINT_GROUP);
-        let span = point_groups.div_ceil(HOST_ROWS).max(MIN_SPAN);
-        let groups = Groups {
-            points: point_groups,
-            observations: observations.div_ceil(64),
-            units,
-            unit_groups: units.div_ceil(64),
-            segments: layout.segments.len() as u64,
-            reduced: point_groups.div_ceil(span),
-        };
-        params.points = points as u32;
-        params.observations = observations as u32;
-        params.images = images as u32;
-        params.cameras = cameras as u32;
-        params.segments = groups.segments as u32;
-        params.cell = layout.lattice.cell as f32;
-        params.point_groups = point_groups as u32;
-        params.big_cameras = layout.big_cameras as u32;
-        let sums = |name| device.zeroed(name, point_groups * ROW_BYTES);
-        let buffers = Buffers {
-            params: device.uniform("params", &params.words())?,
-            reduce_params: device.uniform("reduce params", &[point_groups as u32, span as u32, 0, 0])?,
-            views: device.storage("views", &layout.views.repeat(3))?,
-            intrinsics: device.storage("intrinsics", &layout.intrinsics.repeat(3))?,
-            points: device.storage("points", &layout.points)?,
-            tracks: device.storage("tracks", &layout.tracks)?,
-            by_point: device.storage("observations by point", &layout.by_point)?,
-            by_image: device.storage("observations by image", &layout.by_image)?,
-            image_order: device.storage("image order", &layout.image_order)?,
-            pixels: device.storage("pixels", &layout.pixels)?,
-            residuals: device.zeroed("residuals", observations * 16)?,
-            segments: device.storage("segments", &layout.segments)?,
-            topology: device.storage("topology", &layout.topology)?,
-            freedom: device.storage("freedom", &layout.freedom)?,
-            blocks: device.zeroed("point blocks", points * 96)?,
-            changes: device.zeroed("point changes", points * 16)?,
-            partials: device.zeroed("camera sums", groups.segments * 64)?,
-            block_sums: device.zeroed("block sums", groups.segments * 480)?,
-            inverses: device.zeroed("inverse blocks", units * 784)?,
-            vectors: device.zeroed("vectors", 16 * (STATE_VEC4 + SECTIONS * 2 * units))?,
-            product_sums: sums("product sums")?,
-            step_sums: sums("step sums")?,
-            trial_sums: sums("trial sums")?,
-            step_reduced: device.zeroed("reduced step sums", groups.reduced * ROW_BYTES)?,
-            trial_reduced: device.zeroed("reduced trial sums", groups.reduced * ROW_BYTES)?,
-        };
-        let pipelines = Pipelines::for_variant(device, kernels::BUNDLE, layout.variant)?;
-        let mut bound = Vec::new();
-        for kernel in kernels::BUNDLE.iter().filter(|k| k.name != kernels::REDUCE.name) {
-            bound.push((kernel.name, pipelines.bind(device, kernel, &buffers.of(kernel))?));
+        let mut places = Vec::with_capacity(layout.chunks.len());
+        let mut rows = 0u64;
+        for (k, chunk) in (1u64..).zip(&layout.chunks) {
+            let first_row = rows.next_multiple_of(ROW_ALIGN);
+            let own = (chunk.points.len() as u64).div_ceil(POINT_GROUP);
+            places.push(ChunkPlace { first_row, rows: own, params_offset: k * PARAMS_STRIDE });
+            rows = first_row + own;
         }
+        let span = rows.div_ceil(HOST_ROWS).max(MIN_SPAN);
+        let reduced = rows.div_ceil(span);
+        let chunks = layout.chunks.iter().map(|c| ChunkBuffers::new(device, c)).collect::<Result<Vec<_>, _>>()?;
+        let counts_of = |(chunk, place): (&Chunk, &ChunkPlace)| {
+            [chunk.points.len() as u32, chunk.by_point.len() as u32, chunk.segments.len() as u32, place.rows as u32]
+        };
+        let counts: Vec<[u32; 4]> = layout.chunks.iter().zip(&places).map(counts_of).collect();
+        let total = |k: usize| counts.iter().map(|c| c[k]).sum::<u32>();
+        params.points = total(0);
+        params.observations = total(1);
+        params.segments = total(2);
+        params.images = layout.views.len() as u32;
+        params.cameras = layout.intrinsics.len() as u32;
+        params.cell = layout.lattice.cell as f32;
+        params.point_groups = rows as u32;
+        params.big_cameras = layout.big_cameras as u32;
+        let params_bytes = PARAMS_STRIDE * (1 + chunks.len() as u64);
+        let buffers = Buffers::new(device, layout, params_bytes, [rows, span, reduced])?;
+
+        let pipelines = Pipelines::for_variant(device, kernels::BUNDLE, layout.variant)?;
+        let units = u64::from(params.images) + u64::from(params.cameras);
+        let ready = |kernel: &Kernel, chunk: Option<usize>| {
+            let of_chunk = chunk.map(|c| (&chunks[c], places[c]));
+            let [points, observations, segments, _]: [u64; 4] = chunk.map_or([0; 4], |c| counts[c].map(u64::from));
+            let groups = match Extent::of(kernel) {
+                Extent::Points => points.div_ceil(POINT_GROUP),
+                Extent::Observations => observations.div_ceil(64),
+                Extent::Segments => segments,
+                Extent::UnitGroups => units.div_ceil(64),
+                Extent::Units => units,
+                Extent::One => 1,
+            };
+            let bound = pipelines.bind_parts(device, kernel, &buffers.of(kernel, of_chunk))?;
+            Ok::<_, GpuError>(Ready { name: kernel.name, bound, groups })
+        };
+        let bundle = || kernels::BUNDLE.iter().filter(|k| k.name != kernels::REDUCE.name);
+        let whole = bundle().filter(|k| !Extent::of(k).is_of_chunk()).map(|k| ready(k, None));
+        let mut whole = whole.collect::<Result<Vec<_>, _>>()?;
         for (name, rows, sums) in [
             ("reduce step", &buffers.step_sums, &buffers.step_reduced),
             ("reduce trial", &buffers.trial_sums, &buffers.trial_reduced),
         ] {
-            bound.push((name, pipelines.bind(device, &kernels::REDUCE, &[&buffers.reduce_params, rows, sums])?));
+            let bound = pipelines.bind(device, &kernels::REDUCE, &[&buffers.reduce_params, rows, sums])?;
+            whole.push(Ready { name, bound, groups: reduced });
         }
-        Ok(Self { buffers, groups, params, bound })
+        let of_chunk = |c| bundle().filter(|k| Extent::of(k).is_of_chunk()).map(|k| ready(k, Some(c))).collect();
+        let by_chunk = (0..chunks.len()).map(of_chunk).collect::<Result<Vec<Vec<_>>, _>>()?;
+        let resident = Self { buffers, chunks, params, counts, rows, reduced, whole, by_chunk };
+        resident.write_params(device);
+        Ok(resident)
     }
 
-    /// Records a kernel over `groups` workgroups.
-    pub(super) fn record(
+    /// Uploads the parameters, those of the chunks included.
+    pub(super) fn write_params(&self, device: &Device) {
+        let mut words = Vec::with_capacity((1 + self.counts.len()) * (PARAMS_STRIDE / 4) as usize);
+        let all =
+            std::iter::once(self.params).chain(self.counts.iter().map(|&[points, observations, segments, rows]| {
+                Params { points, observations, segments, point_groups: rows, ..self.params }
+            }));
+        for params in all {
+            words.extend(params.words());
+            words.resize(words.len().next_multiple_of((PARAMS_STRIDE / 4) as usize), 0);
+        }
+        device.write(&self.buffers.params, &words);
+    }
+
+    /// Records a kernel over the whole problem.
+    pub(super) fn record(&self, encoder: &mut wgpu::CommandEncoder, name: &'static str) -> Result<(), GpuError> {
+        match self.whole.iter().find(|r| r.name == name) {
+            Some(ready) => ready.bound.dispatch(encoder, ready.groups),
+            None => self.record_by_chunk(encoder, &[name]),
+        }
+    }
+
+    /// Records kernels one after the other on each chunk, while its arrays are in the caches.
+    pub(super) fn record_by_chunk(
         &self,
         encoder: &mut wgpu::CommandEncoder,
-        name: &'static str,
-        groups: u64,
+        names: &[&'static str],
     ) -> Result<(), GpuError> {
-        let found = self.bound.iter().find(|(n, _)| *n == name);
-        let missing = || GpuError::Refused { reason: format!("kernel `{name}` is not bound") };
-        found.ok_or_else(missing)?.1.dispatch(encoder, groups)
+        for chunk in &self.by_chunk {
+            for name in names {
+                let missing = || GpuError::Refused { reason: format!("kernel `{name}` is not bound to chunks") };
+                let ready = chunk.iter().find(|r| r.name == *name).ok_or_else(missing)?;
+                ready.bound.dispatch(encoder, ready.groups)?;
+            }
+        }
+        Ok(())
     }
 
     /// Bytes of all buffers, for reports.
     pub(super) fn bytes(&self) -> u64 {
-        self.buffers.all().iter().map(|b| b.size()).sum()
-    }
-}
-
-impl Buffers {
-    /// A kernel's buffers by the names of its variables. `sums` is the one name with a meaning by kernel.
-    fn of(&self, kernel: &Kernel) -> Vec<&wgpu::Buffer> {
-        let sums = match kernel.name {
-            "product_point" | "pcg_step" => &self.product_sums,
-            "back_substitute" => &self.step_sums,
-            _ => &self.trial_sums,
-        };
-        let named = [
-            ("params", &self.params),
-            ("views", &self.views),
-            ("intrinsics", &self.intrinsics),
-            ("points", &self.points),
-            ("tracks", &self.tracks),
-            ("by_point", &self.by_point),
-            ("by_image", &self.by_image),
-            ("image_order", &self.image_order),
-            ("pixels", &self.pixels),
-            ("residuals", &self.residuals),
-            ("segments", &self.segments),
-            ("topology", &self.topology),
-            ("freedom", &self.freedom),
-            ("blocks", &self.blocks),
-            ("changes", &self.changes),
-            ("partials", &self.partials),
-            ("block_sums", &self.block_sums),
-            ("inverses", &self.inverses),
-            ("vectors", &self.vectors),
-            ("sums", sums),
-        ];
-        kernel.bindings.iter().filter_map(|b| named.iter().find(|(name, _)| *name == b.name)).map(|n| n.1).collect()
-    }
-
-    fn all(&self) -> [&wgpu::Buffer; 25] {
-        [
-            &self.params,
-            &self.reduce_params,
-            &self.views,
-            &self.intrinsics,
-            &self.points,
-            &self.tracks,
-            &self.by_point,
-            &self.by_image,
-            &self.image_order,
-            &self.pixels,
-            &self.residuals,
-            &self.segments,
-            &self.topology,
-            &self.freedom,
-            &self.blocks,
-            &self.changes,
-            &self.partials,
-            &self.block_sums,
-            &self.inverses,
-            &self.vectors,
-            &self.product_sums,
-            &self.step_sums,
-            &self.trial_sums,
-            &self.step_reduced,
-            &self.trial_reduced,
-        ]
+        self.buffers.bytes() + self.chunks.iter().map(ChunkBuffers::bytes).sum::<u64>()
     }
 }

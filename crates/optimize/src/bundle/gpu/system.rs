@@ -3,9 +3,11 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
+use super::buffers::ROW_BYTES;
 use super::layout::Layout;
 use super::records::{Params, loss_words};
-use super::resident::{ROW_BYTES, Resident};
+use super::residency::Residency;
+use super::resident::Resident;
 use crate::active::Activation;
 use crate::bundle::options::Options;
 use crate::bundle::problem::Problem;
@@ -49,6 +51,16 @@ pub struct GpuSystem<'a> {
 impl<'a> GpuSystem<'a> {
     /// Checks a problem and makes it resident.
     pub fn new(device: &'a Device, problem: &Problem, options: &Options) -> Result<Self, OptimizeError> {
+        Self::with_residency(device, problem, options, &Residency::default())
+    }
+
+    /// [`Self::new`] with a say in how the problem lies on the device.
+    pub fn with_residency(
+        device: &'a Device,
+        problem: &Problem,
+        options: &Options,
+        residency: &Residency,
+    ) -> Result<Self, OptimizeError> {
         problem.validate()?;
         let check_depth = match options.activation {
             Activation::ValidAtStart => true,
@@ -57,7 +69,7 @@ impl<'a> GpuSystem<'a> {
                 return Err(GpuError::Unsupported { what: "the truncated objective" }.into());
             }
         };
-        let layout = Layout::new(problem)?;
+        let layout = Layout::new(problem, residency.limits(device))?;
         let pcg = options.pcg;
         let params = Params {
             loss: loss_words(problem.loss),
@@ -68,7 +80,7 @@ impl<'a> GpuSystem<'a> {
             ..Params::default()
         };
         let resident = Resident::new(device, &layout, params)?;
-        let rows = resident.groups.reduced;
+        let rows = resident.reduced;
         let read_back = device.read_back("scalars", STATE_BYTES + 2 * rows * ROW_BYTES)?;
         let none = Evaluation { cost: 0.0, active: 0 };
         Ok(Self {
@@ -117,51 +129,50 @@ impl<'a> GpuSystem<'a> {
     async fn evaluate(&mut self) -> Result<Evaluation, GpuError> {
         let resident = &self.resident;
         let mut encoder = self.device.encoder();
-        resident.record(&mut encoder, "refresh", resident.groups.points)?;
-        resident.record(&mut encoder, "reduce trial", resident.groups.reduced)?;
-        let bytes = resident.groups.reduced * ROW_BYTES;
+        resident.record(&mut encoder, "refresh")?;
+        resident.record(&mut encoder, "reduce trial")?;
+        let bytes = resident.reduced * ROW_BYTES;
         self.read_back.copy(&mut encoder, &resident.buffers.trial_reduced, 0, 0, bytes);
         self.device.submit(encoder);
         self.read_backs += 1;
-        let rows: Vec<[f32; 8]> = self.read_back.get(self.device, resident.groups.reduced as usize).await?;
+        let rows: Vec<[f32; 8]> = self.read_back.get(self.device, resident.reduced as usize).await?;
         let totals = Self::totals(&rows);
         Ok(Evaluation { cost: 0.5 * totals[1], active: totals[3] as usize })
     }
 
     fn queue_linearization(&self) -> Result<(), GpuError> {
-        let (resident, groups) = (&self.resident, self.resident.groups);
+        let resident = &self.resident;
         let mut encoder = self.device.encoder();
-        resident.record(&mut encoder, "reweight", groups.observations)?;
-        resident.record(&mut encoder, "linearize_point", groups.points)?;
-        resident.record(&mut encoder, "linearize_camera", groups.segments)?;
-        resident.record(&mut encoder, "scale_camera", groups.unit_groups)?;
+        resident.record(&mut encoder, "reweight")?;
+        resident.record(&mut encoder, "linearize_point")?;
+        resident.record(&mut encoder, "linearize_camera")?;
+        resident.record(&mut encoder, "scale_camera")?;
         self.device.submit(encoder);
         self.device.check()
     }
 
     fn queue_start(&mut self, lambda: f64) -> Result<(), GpuError> {
         self.resident.params.lambda = lambda as f32;
-        self.device.write(&self.resident.buffers.params, &self.resident.params.words());
-        let (resident, groups) = (&self.resident, self.resident.groups);
+        self.resident.write_params(self.device);
+        let resident = &self.resident;
         let mut encoder = self.device.encoder();
-        resident.record(&mut encoder, "damp_point", groups.points)?;
-        resident.record(&mut encoder, "precondition_camera", groups.segments)?;
-        resident.record(&mut encoder, "precondition_factor", groups.units)?;
-        resident.record(&mut encoder, "pcg_start", 1)?;
+        resident.record(&mut encoder, "damp_point")?;
+        resident.record(&mut encoder, "precondition_camera")?;
+        resident.record(&mut encoder, "precondition_factor")?;
+        resident.record(&mut encoder, "pcg_start")?;
         self.device.submit(encoder);
         Ok(())
     }
 
     fn queue_iterations(&self, count: usize) -> Result<(), GpuError> {
-        let (resident, groups) = (&self.resident, self.resident.groups);
+        let resident = &self.resident;
         let mut left = count;
         while left > 0 {
             let batch = left.min(ITERATIONS_PER_SUBMIT);
             let mut encoder = self.device.encoder();
             for _ in 0..batch {
-                resident.record(&mut encoder, "product_point", groups.points)?;
-                resident.record(&mut encoder, "product_camera", groups.segments)?;
-                resident.record(&mut encoder, "pcg_step", 1)?;
+                resident.record_by_chunk(&mut encoder, &["product_point", "product_camera"])?;
+                resident.record(&mut encoder, "pcg_step")?;
             }
             self.device.submit(encoder);
             left -= batch;
@@ -171,16 +182,16 @@ impl<'a> GpuSystem<'a> {
 
     /// The tried state and everything the host decides on, as if PCG were done.
     fn queue_trial(&self) -> Result<(), GpuError> {
-        let (resident, groups) = (&self.resident, self.resident.groups);
+        let resident = &self.resident;
         let mut encoder = self.device.encoder();
-        resident.record(&mut encoder, "step_camera", groups.unit_groups)?;
-        resident.record(&mut encoder, "change_camera", groups.unit_groups)?;
-        resident.record(&mut encoder, "back_substitute", groups.points)?;
-        resident.record(&mut encoder, "change_point", groups.points)?;
-        resident.record(&mut encoder, "trial", groups.points)?;
-        resident.record(&mut encoder, "reduce step", groups.reduced)?;
-        resident.record(&mut encoder, "reduce trial", groups.reduced)?;
-        let bytes = groups.reduced * ROW_BYTES;
+        resident.record(&mut encoder, "step_camera")?;
+        resident.record(&mut encoder, "change_camera")?;
+        resident.record(&mut encoder, "back_substitute")?;
+        resident.record(&mut encoder, "change_point")?;
+        resident.record(&mut encoder, "trial")?;
+        resident.record(&mut encoder, "reduce step")?;
+        resident.record(&mut encoder, "reduce trial")?;
+        let bytes = resident.reduced * ROW_BYTES;
         let buffers = &resident.buffers;
         self.read_back.copy(&mut encoder, &buffers.vectors, 0, 0, STATE_BYTES);
         self.read_back.copy(&mut encoder, &buffers.step_reduced, 0, STATE_BYTES, bytes);
@@ -191,7 +202,7 @@ impl<'a> GpuSystem<'a> {
 
     async fn compute_step(&mut self, lambda: f64) -> Result<Option<Step>, GpuError> {
         self.queue_start(lambda)?;
-        let rows = self.resident.groups.reduced as usize;
+        let rows = self.resident.reduced as usize;
         let mut queued = 0;
         loop {
             let batch = if queued == 0 { self.expected + SPARE_ITERATIONS } else { 2 * ITERATIONS_PER_SUBMIT };
@@ -222,10 +233,10 @@ impl<'a> GpuSystem<'a> {
     }
 
     fn queue_commit(&self) -> Result<(), GpuError> {
-        let (resident, groups) = (&self.resident, self.resident.groups);
+        let resident = &self.resident;
         let mut encoder = self.device.encoder();
-        resident.record(&mut encoder, "commit_camera", groups.unit_groups)?;
-        resident.record(&mut encoder, "commit_point", groups.points)?;
+        resident.record(&mut encoder, "commit_camera")?;
+        resident.record(&mut encoder, "commit_point")?;
         self.device.submit(encoder);
         self.device.check()
     }

@@ -4,6 +4,7 @@ use epipole_geometry::Rigid3;
 use epipole_geometry::camera::project;
 use glam::{DMat3, DQuat, DVec3};
 
+use super::chunk::Chunk;
 use super::records::{Intrinsics, OUT, Point, View, param_slots};
 use super::system::GpuSystem;
 use crate::bundle::problem::{PoseFreedom, Problem};
@@ -15,37 +16,42 @@ impl GpuSystem<'_> {
         let (device, buffers) = (self.device(), &self.resident.buffers);
         let views: Vec<View> = device.download(&buffers.views, problem.cam_from_world.len()).await?;
         let intrinsics: Vec<Intrinsics> = device.download(&buffers.intrinsics, problem.cameras.len()).await?;
-        let points: Vec<Point> = device.download(&buffers.points, problem.points.len()).await?;
-        let residuals: Vec<[f32; 4]> = device.download(&buffers.residuals, self.layout.by_point.len()).await?;
-        let by_point: Vec<[u32; 2]> = device.download(&buffers.by_point, self.layout.by_point.len()).await?;
-        self.write_state(problem, &views, &intrinsics, &points);
+        self.write_cameras(problem, &views, &intrinsics);
         let mut sum = 0.0;
-        for (p, track) in self.layout.tracks.windows(2).enumerate() {
-            let part: f64 = (track[0] as usize..track[1] as usize)
-                .map(|o| {
-                    let image = (by_point[o][0] & !OUT) as usize;
-                    let kept = residuals[o];
-                    let kept = f64::from(kept[0]).powi(2) + f64::from(kept[1]).powi(2);
-                    let counts = by_point[o][0] & OUT == 0;
-                    problem.loss.value(if counts { self.square(problem, p, image, o).unwrap_or(kept) } else { kept })
-                })
-                .sum();
-            sum += part;
+        for (chunk, buffers) in self.layout.chunks.iter().zip(&self.resident.chunks) {
+            let points: Vec<Point> = device.download(&buffers.points, chunk.points.len()).await?;
+            self.write_points(problem, chunk, &points);
+            let residuals: Vec<[f32; 4]> = device.download(&buffers.residuals, chunk.by_point.len()).await?;
+            let by_point: Vec<[u32; 2]> = device.download(&buffers.by_point, chunk.by_point.len()).await?;
+            for (p, track) in chunk.tracks.windows(2).enumerate() {
+                let part: f64 = (track[0] as usize..track[1] as usize)
+                    .map(|o| {
+                        let image = (by_point[o][0] & !OUT) as usize;
+                        let kept = residuals[o];
+                        let kept = f64::from(kept[0]).powi(2) + f64::from(kept[1]).powi(2);
+                        let now = (by_point[o][0] & OUT == 0)
+                            .then(|| self.square(problem, chunk.first_point + p, image, chunk.pixels[o]))
+                            .flatten();
+                        problem.loss.value(now.unwrap_or(kept))
+                    })
+                    .sum();
+                sum += part;
+            }
         }
         Ok(0.5 * sum)
     }
 
     /// Squared residual of an observation in `f64`.
-    fn square(&self, problem: &Problem, point: usize, image: usize, o: usize) -> Option<f64> {
+    fn square(&self, problem: &Problem, point: usize, image: usize, px: [f32; 2]) -> Option<f64> {
         let camera = &problem.cameras[problem.image_camera[image] as usize];
         let q = problem.cam_from_world[image].transform_point(problem.points[point]);
         let q = if q.z < 0.0 && !self.resident.params.check_depth { -q } else { q };
         let [x, y] = project(camera.model, &camera.params, q.to_array())?;
-        let px = self.layout.pixels[o].map(f64::from);
+        let px = px.map(f64::from);
         Some((x - px[0]).powi(2) + (y - px[1]).powi(2))
     }
 
-    fn write_state(&self, problem: &mut Problem, views: &[View], intrinsics: &[Intrinsics], points: &[Point]) {
+    fn write_cameras(&self, problem: &mut Problem, views: &[View], intrinsics: &[Intrinsics]) {
         let lattice = &self.layout.lattice;
         let real = f32::from_bits;
         for ((pose, view), freedom) in problem.cam_from_world.iter_mut().zip(views).zip(&problem.pose_freedom) {
@@ -67,10 +73,16 @@ impl GpuSystem<'_> {
                 }
             }
         }
-        for (p, (position, point)) in problem.points.iter_mut().zip(points).enumerate() {
-            let seen = self.layout.tracks[p] < self.layout.tracks[p + 1];
-            if seen && !problem.fixed_points {
-                *position = lattice.position(point[3], std::array::from_fn(|k| real(point[k])));
+    }
+
+    fn write_points(&self, problem: &mut Problem, chunk: &Chunk, points: &[Point]) {
+        if problem.fixed_points {
+            return;
+        }
+        let positions = &mut problem.points[chunk.first_point..];
+        for (position, (point, track)) in positions.iter_mut().zip(points.iter().zip(chunk.tracks.windows(2))) {
+            if track[0] < track[1] {
+                *position = self.layout.lattice.position(point[3], std::array::from_fn(|k| f32::from_bits(point[k])));
             }
         }
     }

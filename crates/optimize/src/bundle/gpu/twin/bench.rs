@@ -14,10 +14,15 @@ pub(super) struct Bench<'a> {
 }
 
 impl Bench<'_> {
-    pub(super) fn run(&self, kernel: &'static str, groups: u64) {
+    pub(super) fn run(&self, kernel: &'static str) {
         let mut encoder = self.system.device().encoder();
-        self.system.resident.record(&mut encoder, kernel, groups).expect("fits");
+        self.system.resident.record(&mut encoder, kernel).expect("fits");
         self.system.device().submit(encoder);
+    }
+
+    /// Images and cameras.
+    pub(super) fn units(&self) -> usize {
+        self.system.layout.views.len() + self.system.layout.intrinsics.len()
     }
 
     pub(super) fn twins(&self) -> (State<f32>, State<Bounded>) {

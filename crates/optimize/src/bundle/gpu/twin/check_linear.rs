@@ -5,9 +5,8 @@ use super::num::{Bounded, Num};
 use super::state::State;
 
 pub(super) fn check_linearization(bench: &Bench<'_>) {
-    let groups = bench.system.resident.groups;
     let (twin, exact) = bench.twins();
-    bench.run("refresh", groups.points);
+    bench.run("refresh");
     let after = State::<f32>::download(&bench.system);
     let (t, e) = (twin.refresh(), exact.refresh());
     let kept: Vec<usize> = (0..after.residuals.len()).filter(|&o| e[o].is_some()).collect();
@@ -21,13 +20,13 @@ pub(super) fn check_linearization(bench: &Bench<'_>) {
     let out = (0..after.residuals.len()).filter(|&o| after.by_point[o].0 >> 31 == 1).count();
     assert_eq!(out, after.residuals.len() - kept.len());
 
-    bench.run("reweight", groups.observations);
+    bench.run("reweight");
     let (twin, exact) = bench.twins();
     let found: Vec<f32> = twin.by_point.iter().map(|o| o.1).collect();
     compare("reweight", &found, twin.reweight(), exact.reweight());
     assert!(twin.by_image.iter().all(|&(_, weight, index)| weight == found[index]));
 
-    bench.run("linearize_point", groups.points);
+    bench.run("linearize_point");
     let (twin, exact) = bench.twins();
     let (t, e) = (twin.normal_equations(), exact.normal_equations());
     let gradients: Vec<f32> = twin.blocks.iter().flat_map(|b| [b[2][0], b[2][1], b[2][2]]).collect();
@@ -43,14 +42,14 @@ pub(super) fn check_linearization(bench: &Bench<'_>) {
         }
     }
 
-    bench.run("linearize_camera", groups.segments);
+    bench.run("linearize_camera");
     let (twin, exact) = bench.twins();
     let found: Vec<f32> = flat(&twin.partials).collect();
     compare("linearize_camera", &found, flat(&twin.linearize_camera()), flat(&exact.linearize_camera()));
 
-    bench.run("scale_camera", groups.unit_groups);
+    bench.run("scale_camera");
     let (twin, exact) = bench.twins();
-    let found: Vec<f32> = (0..groups.units as usize).flat_map(|unit| twin.unit(0, unit)).collect();
+    let found: Vec<f32> = (0..bench.units()).flat_map(|unit| twin.unit(0, unit)).collect();
     let inverse_root = |v: f32| if v > 0.0 { 1.0 / v.sqrt() } else { 0.0 };
     let exact_root = |v: Bounded| if v.value > 0.0 { Bounded::of(1.0) / v.root() } else { Bounded::of(0.0) };
     let (t, e) = (twin.column_norms(), exact.column_norms());
@@ -58,9 +57,9 @@ pub(super) fn check_linearization(bench: &Bench<'_>) {
 }
 
 pub(super) fn check_preconditioner(bench: &Bench<'_>) {
-    let (groups, buffers) = (bench.system.resident.groups, &bench.system.resident.buffers);
+    let buffers = &bench.system.resident.buffers;
     let (before, _) = bench.twins();
-    bench.run("damp_point", groups.points);
+    bench.run("damp_point");
     let (twin, exact) = bench.twins();
     for block in exact.blocks.iter().filter(|b| b[3][3].value == 1.0) {
         let three = |k: usize| std::array::from_fn(|j| block[k][j].value);
@@ -78,8 +77,8 @@ pub(super) fn check_preconditioner(bench: &Bench<'_>) {
     let found: Vec<f32> = twin.points.iter().flat_map(|p| p.s).collect();
     compare("y₀", &found, flat(&twin.newton()), flat(&exact.newton()));
 
-    bench.run("precondition_camera", groups.segments);
-    let found = bench.words(&buffers.block_sums, 120 * groups.segments as usize);
+    bench.run("precondition_camera");
+    let found = bench.words(&buffers.block_sums, 120 * bench.system.layout.segments);
     let (t, e) = (twin.precondition_camera(), exact.precondition_camera());
     compare(
         "precondition_camera",
@@ -88,15 +87,15 @@ pub(super) fn check_preconditioner(bench: &Bench<'_>) {
         e.iter().flat_map(|row| row[..119].to_vec()),
     );
 
-    bench.run("precondition_factor", groups.units);
+    bench.run("precondition_factor");
     let (twin, _) = bench.twins();
     check_inverses(&twin, &found);
 
-    bench.run("pcg_start", 1);
+    bench.run("pcg_start");
     let (after, _) = bench.twins();
     let (twin, exact) = bench.twins();
     let ((t, t_rz), (e, e_rz)) = (twin.pcg_start(), exact.pcg_start());
-    let found: Vec<f32> = (0..groups.units as usize).flat_map(|unit| after.unit(5, unit)).collect();
+    let found: Vec<f32> = (0..bench.units()).flat_map(|unit| after.unit(5, unit)).collect();
     compare("pcg_start", &found, flat(&t), flat(&e));
     compare("rᵀz", &[after.vectors[0][2]], [t_rz], [e_rz]);
 }

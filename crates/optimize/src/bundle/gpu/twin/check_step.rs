@@ -7,9 +7,8 @@ use super::num::Bounded;
 use super::state::View;
 
 pub(super) fn check_pcg(bench: &Bench<'_>) {
-    let groups = bench.system.resident.groups;
     for _ in 0..3 {
-        bench.run("product_point", groups.points);
+        bench.run("product_point");
         let (twin, exact) = bench.twins();
         let ((t, t_sums), (e, e_sums)) = (twin.product_point(), exact.product_point());
         let found: Vec<f32> = twin.points.iter().flat_map(|p| p.s).collect();
@@ -17,17 +16,16 @@ pub(super) fn check_pcg(bench: &Bench<'_>) {
         let found: Vec<f32> = twin.product_sums.iter().map(|s| s[0]).collect();
         compare("λ‖y‖²", &found, flat(&t_sums), flat(&e_sums));
 
-        bench.run("product_camera", groups.segments);
+        bench.run("product_camera");
         let (twin, exact) = bench.twins();
         let found: Vec<f32> = flat(&twin.partials).collect();
         compare("product_camera", &found, flat(&twin.product_camera()), flat(&exact.product_camera()));
 
-        bench.run("pcg_step", 1);
+        bench.run("pcg_step");
         let (after, _) = bench.twins();
         let (t, e) = (twin.pcg_step(), exact.pcg_step());
         let sections = [2, 3, 4, 5];
-        let found: Vec<f32> =
-            (0..groups.units as usize).flat_map(|u| sections.map(|s| after.unit(s, u))).flatten().collect();
+        let found: Vec<f32> = (0..bench.units()).flat_map(|u| sections.map(|s| after.unit(s, u))).flatten().collect();
         compare(
             "pcg_step",
             &found,
@@ -40,9 +38,8 @@ pub(super) fn check_pcg(bench: &Bench<'_>) {
 }
 
 pub(super) fn check_cameras(bench: &Bench<'_>) {
-    let groups = bench.system.resident.groups;
-    bench.run("step_camera", groups.unit_groups);
-    bench.run("change_camera", groups.unit_groups);
+    bench.run("step_camera");
+    bench.run("change_camera");
     let (_, state) = bench.twins();
     let (images, cameras) = (state.images, state.cameras);
     let cell = state.cell.value;
@@ -75,30 +72,31 @@ pub(super) fn check_cameras(bench: &Bench<'_>) {
 }
 
 pub(super) fn check_trial(bench: &Bench<'_>) {
-    let (groups, buffers) = (bench.system.resident.groups, &bench.system.resident.buffers);
+    let resident = &bench.system.resident;
+    let buffers = &resident.buffers;
     let (twin, exact) = bench.twins();
-    bench.run("back_substitute", groups.points);
+    bench.run("back_substitute");
     let (after, _) = bench.twins();
     let ((t, t_sums), (e, e_sums)) = (twin.back_substitute(), exact.back_substitute());
     let found: Vec<f32> = after.points.iter().flat_map(|p| p.s).collect();
     compare("back_substitute", &found, flat(&t), flat(&e));
-    let sums = bench.words(&buffers.step_sums, 8 * groups.points as usize);
+    let sums = bench.words(&buffers.step_sums, 8 * resident.rows as usize);
     compare("its sums", sums.chunks(8).flat_map(|row| &row[..2]), flat(&t_sums), flat(&e_sums));
 
-    bench.run("change_point", groups.points);
+    bench.run("change_point");
     let (twin, exact) = bench.twins();
     assert!(twin.points.iter().zip(&twin.changes).all(|(p, c)| (0..3).all(|k| c[k] == p.s[k] - p.offset[k])));
 
-    bench.run("trial", groups.points);
+    bench.run("trial");
     let (after, _) = bench.twins();
     let ((t, t_sums), (e, e_sums)) = (twin.trial(), exact.trial());
     let found: Vec<f32> = after.residuals.iter().flat_map(|r| [r[2], r[3]]).collect();
     compare("trial", &found, flat(&t), flat(&e));
-    let sums = bench.words(&buffers.trial_sums, 8 * groups.points as usize);
+    let sums = bench.words(&buffers.trial_sums, 8 * resident.rows as usize);
     compare("its sums", sums.chunks(8).flat_map(|row| &row[..2]), flat(&t_sums), flat(&e_sums));
 
-    bench.run("commit_camera", groups.unit_groups);
-    bench.run("commit_point", groups.points);
+    bench.run("commit_camera");
+    bench.run("commit_point");
     let (_, done) = bench.twins();
     let cell = done.cell.value;
     for (p, (before, now)) in after.points.iter().zip(&done.points).enumerate() {

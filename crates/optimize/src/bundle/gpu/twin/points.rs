@@ -40,8 +40,11 @@ impl<N: Num> State<N> {
 
     /// Sums over workgroups of 64 points.
     fn grouped<const W: usize>(&self, value: impl Fn(usize) -> [N; W]) -> Vec<[N; W]> {
-        let lane = |p: usize| if p < self.num_points() { value(p) } else { zero() };
-        (0..self.num_points()).step_by(64).map(|first| tree((first..first + 64).map(lane).collect())).collect()
+        let row = |points: &std::ops::Range<usize>| {
+            let lane = |k: usize| points.clone().nth(k).map_or(zero(), &value);
+            tree((0..64).map(lane).collect())
+        };
+        self.rows.iter().map(row).collect()
     }
 
     /// By observation: residual from scratch, `None` where there is no projection.

@@ -1,9 +1,12 @@
 //! A copy of the device's buffers as numbers.
 
+use std::ops::Range;
+
 use pollster::block_on;
 
 use super::num::{Num, Vec3};
 use crate::bundle::gpu::GpuSystem;
+use crate::bundle::gpu::buffers::ROW_ALIGN;
 
 #[derive(Clone)]
 pub(super) struct View<N> {
@@ -31,6 +34,9 @@ pub(super) struct State<N> {
     pub(super) images: usize,
     pub(super) cameras: usize,
     pub(super) tracks: Vec<u32>,
+    /// Points of each workgroup, in the order of their rows of sums; none where chunks leave rows out.
+    pub(super) rows: Vec<Range<usize>>,
+    /// In the order of their slots.
     pub(super) segments: Vec<[u32; 4]>,
     pub(super) topology: Vec<u32>,
     pub(super) freedom: Vec<[N; 8]>,
@@ -55,29 +61,30 @@ pub(super) struct State<N> {
 }
 
 impl<N: Num> State<N> {
+    /// All chunks as one.
     pub(super) fn download(system: &GpuSystem<'_>) -> Self {
-        let (layout, buffers, params) = (&system.layout, &system.resident.buffers, &system.resident.params);
-        let (images, cameras, points) = (layout.views.len(), layout.intrinsics.len(), layout.points.len());
+        let (layout, resident) = (&system.layout, &system.resident);
+        let (buffers, params) = (&resident.buffers, &resident.params);
+        let (images, cameras) = (layout.views.len(), layout.intrinsics.len());
         let words = |buffer, count| block_on(system.device().download::<u32>(buffer, count)).expect("a live device");
         let real = |w: u32| N::of(f32::from_bits(w));
-        let rows4 = |buffer, count: usize| -> Vec<[N; 4]> {
-            words(buffer, 4 * count).chunks_exact(4).map(|w| std::array::from_fn(|k| real(w[k]))).collect()
+        let rows4 = |words: Vec<u32>| -> Vec<[N; 4]> {
+            words.chunks_exact(4).map(|w| std::array::from_fn(|k| real(w[k]))).collect()
         };
-        let observations = layout.by_point.len();
         let views = words(&buffers.views, 48 * images);
         let intrinsics = words(&buffers.intrinsics, 36 * cameras);
-        let points_words = words(&buffers.points, 8 * points);
-        Self {
+        let mut state = Self {
             cell: N::of(params.cell),
             lambda: N::of(params.lambda),
             loss: (params.loss.0, N::of(params.loss.1)),
             images,
             cameras,
-            tracks: layout.tracks.clone(),
-            segments: layout.segments.clone(),
+            tracks: vec![0],
+            rows: Vec::new(),
+            segments: vec![[0; 4]; layout.segments],
             topology: layout.topology.clone(),
             freedom: layout.freedom.iter().map(|f| f.map(N::of)).collect(),
-            pixels: layout.pixels.iter().map(|p| p.map(N::of)).collect(),
+            pixels: Vec::new(),
             views: views
                 .chunks_exact(16)
                 .map(|w| View {
@@ -89,27 +96,17 @@ impl<N: Num> State<N> {
                 .collect(),
             single_focal: intrinsics.chunks_exact(12).map(|w| w[8] == 1).collect(),
             intrinsics: intrinsics.chunks_exact(12).map(|w| std::array::from_fn(|k| real(w[k]))).collect(),
-            points: points_words
-                .chunks_exact(8)
-                .map(|w| Point {
-                    offset: std::array::from_fn(|k| real(w[k])),
-                    cell: std::array::from_fn(|k| (w[3] >> (10 * k) & 1023) as i32),
-                    s: std::array::from_fn(|k| real(w[4 + k])),
-                })
-                .collect(),
-            changes: rows4(&buffers.changes, points),
-            by_point: words(&buffers.by_point, 2 * observations).chunks_exact(2).map(|w| (w[0], real(w[1]))).collect(),
-            by_image: words(&buffers.by_image, 4 * observations)
-                .chunks_exact(4)
-                .map(|w| (w[0] as usize, real(w[1]), w[2] as usize))
-                .collect(),
-            residuals: rows4(&buffers.residuals, observations),
-            blocks: rows4(&buffers.blocks, 6 * points).chunks_exact(6).map(|b| std::array::from_fn(|k| b[k])).collect(),
-            partials: words(&buffers.partials, 16 * layout.segments.len())
+            points: Vec::new(),
+            changes: Vec::new(),
+            by_point: Vec::new(),
+            by_image: Vec::new(),
+            residuals: Vec::new(),
+            blocks: Vec::new(),
+            partials: words(&buffers.partials, 16 * layout.segments)
                 .chunks_exact(16)
                 .map(|w| std::array::from_fn(|k| real(w[k])))
                 .collect(),
-            product_sums: words(&buffers.product_sums, 8 * points.div_ceil(64))
+            product_sums: words(&buffers.product_sums, 8 * resident.rows as usize)
                 .chunks_exact(8)
                 .map(|w| std::array::from_fn(|k| real(w[k])))
                 .collect(),
@@ -117,8 +114,35 @@ impl<N: Num> State<N> {
                 .chunks_exact(196)
                 .map(|w| std::array::from_fn(|k| real(w[k])))
                 .collect(),
-            vectors: rows4(&buffers.vectors, 4 + 16 * (images + cameras)),
+            vectors: rows4(words(&buffers.vectors, 4 * (4 + 16 * (images + cameras)))),
+        };
+        for (chunk, buffers) in layout.chunks.iter().zip(&resident.chunks) {
+            let (first, observation) = (state.points.len(), state.by_point.len());
+            let (points, observations) = (chunk.points.len(), chunk.by_point.len());
+            state.rows.resize(state.rows.len().next_multiple_of(ROW_ALIGN as usize), 0..0);
+            state.rows.extend((0..points).step_by(64).map(|p| first + p..first + points.min(p + 64)));
+            state.tracks.extend(chunk.tracks[1..].iter().map(|&o| o + observation as u32));
+            for &[image, start, end, slot] in &chunk.segments {
+                let base = observation as u32;
+                state.segments[slot as usize] = [image, start + base, end + base, slot];
+            }
+            state.pixels.extend(chunk.pixels.iter().map(|p| p.map(N::of)));
+            state.points.extend(words(&buffers.points, 8 * points).chunks_exact(8).map(|w| Point {
+                offset: std::array::from_fn(|k| real(w[k])),
+                cell: std::array::from_fn(|k| (w[3] >> (10 * k) & 1023) as i32),
+                s: std::array::from_fn(|k| real(w[4 + k])),
+            }));
+            state.changes.extend(rows4(words(&buffers.changes, 4 * points)));
+            let by_point = words(&buffers.by_point, 2 * observations);
+            state.by_point.extend(by_point.chunks_exact(2).map(|w| (w[0], real(w[1]))));
+            let by_image = words(&buffers.by_image, 4 * observations);
+            let by_image = by_image.chunks_exact(4);
+            state.by_image.extend(by_image.map(|w| (first + w[0] as usize, real(w[1]), observation + w[2] as usize)));
+            state.residuals.extend(rows4(words(&buffers.residuals, 4 * observations)));
+            let blocks = rows4(words(&buffers.blocks, 24 * points));
+            state.blocks.extend(blocks.chunks_exact(6).map(|b| std::array::from_fn(|k| b[k])));
         }
+        state
     }
 
     /// A unit's eight numbers in a section of the vectors.

@@ -9,16 +9,24 @@ use glam::{DVec2, DVec3};
 use super::bench::Bench;
 use super::check_linear::{check_linearization, check_preconditioner};
 use super::check_step::{check_cameras, check_pcg, check_trial};
-use crate::bundle::gpu::GpuSystem;
+use crate::bundle::gpu::{GpuSystem, Residency};
 use crate::bundle::{Options, PoseFreedom, Problem};
 use crate::gpu::Device;
 use crate::gpu::tests::device;
 use crate::loss::Loss;
 
 fn check(device: &Device, problem: &Problem) {
-    let mut system = GpuSystem::new(device, problem, &Options::default()).expect("a good problem");
+    for residency in [Residency::default(), Residency { chunk_observations: 1000 }] {
+        check_in_chunks(device, problem, &residency);
+    }
+}
+
+fn check_in_chunks(device: &Device, problem: &Problem, residency: &Residency) {
+    let options = Options::default();
+    let mut system = GpuSystem::with_residency(device, problem, &options, residency).expect("a good problem");
+    assert_eq!(system.layout.chunks.len() == 1, *residency == Residency::default());
     system.resident.params.lambda = 1e-4;
-    device.write(&system.resident.buffers.params, &system.resident.params.words());
+    system.resident.write_params(device);
     let bench = Bench { system };
     check_linearization(&bench);
     check_preconditioner(&bench);

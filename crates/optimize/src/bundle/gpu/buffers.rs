@@ -1,0 +1,182 @@
+//! A problem's buffers on a device, those of the whole and those of each chunk, and which a kernel gets by which name.
+
+use super::chunk::{Chunk, OBSERVATION_BYTES, POINT_BYTES};
+use super::layout::Layout;
+use crate::gpu::kernels::Kernel;
+use crate::gpu::{Device, GpuError};
+
+/// vec4f of state and of a section's unit, as in `vectors.wgsl`.
+const STATE_VEC4: u64 = 4;
+const SECTIONS: u64 = 8;
+/// Bytes of a row of eight sums.
+pub(super) const ROW_BYTES: u64 = 32;
+/// Parts of a buffer are bound at multiples of this (WebGPU's `minStorageBufferOffsetAlignment` by default).
+const ALIGN_BYTES: u64 = 256;
+/// Rows of sums between the first rows of two chunks: a multiple of this.
+pub(super) const ROW_ALIGN: u64 = ALIGN_BYTES / ROW_BYTES;
+
+/// What all chunks share.
+#[derive(Debug)]
+pub(super) struct Buffers {
+    /// The whole's parameters, then each chunk's, [`PARAMS_STRIDE`](super::resident::PARAMS_STRIDE) apart.
+    pub(super) params: wgpu::Buffer,
+    pub(super) reduce_params: wgpu::Buffer,
+    pub(super) views: wgpu::Buffer,
+    pub(super) intrinsics: wgpu::Buffer,
+    pub(super) topology: wgpu::Buffer,
+    pub(super) freedom: wgpu::Buffer,
+    pub(super) partials: wgpu::Buffer,
+    pub(super) block_sums: wgpu::Buffer,
+    pub(super) inverses: wgpu::Buffer,
+    pub(super) vectors: wgpu::Buffer,
+    /// Sums of the operator, of the back-substitution and of the trial (or refresh).
+    pub(super) product_sums: wgpu::Buffer,
+    pub(super) step_sums: wgpu::Buffer,
+    pub(super) trial_sums: wgpu::Buffer,
+    pub(super) step_reduced: wgpu::Buffer,
+    pub(super) trial_reduced: wgpu::Buffer,
+}
+
+/// What a chunk has alone.
+#[derive(Debug)]
+pub(super) struct ChunkBuffers {
+    pub(super) points: wgpu::Buffer,
+    pub(super) tracks: wgpu::Buffer,
+    pub(super) by_point: wgpu::Buffer,
+    pub(super) by_image: wgpu::Buffer,
+    pub(super) image_order: wgpu::Buffer,
+    pub(super) pixels: wgpu::Buffer,
+    pub(super) residuals: wgpu::Buffer,
+    pub(super) segments: wgpu::Buffer,
+    pub(super) blocks: wgpu::Buffer,
+    pub(super) changes: wgpu::Buffer,
+}
+
+/// A chunk's place among the rows of sums over points, and the bytes of its parameters.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ChunkPlace {
+    pub(super) first_row: u64,
+    pub(super) rows: u64,
+    pub(super) params_offset: u64,
+}
+
+impl ChunkBuffers {
+    pub(super) fn new(device: &Device, chunk: &Chunk) -> Result<Self, GpuError> {
+        let (points, observations) = (chunk.points.len() as u64, chunk.by_point.len() as u64);
+        Ok(Self {
+            points: device.storage("points", &chunk.points)?,
+            tracks: device.storage("tracks", &chunk.tracks)?,
+            by_point: device.storage("observations by point", &chunk.by_point)?,
+            by_image: device.storage("observations by image", &chunk.by_image)?,
+            image_order: device.storage("image order", &chunk.image_order)?,
+            pixels: device.storage("pixels", &chunk.pixels)?,
+            residuals: device.zeroed("residuals", observations * OBSERVATION_BYTES)?,
+            segments: device.storage("segments", &chunk.segments)?,
+            blocks: device.zeroed("point blocks", points * POINT_BYTES)?,
+            changes: device.zeroed("point changes", points * 16)?,
+        })
+    }
+
+    fn named(&self) -> [(&'static str, &wgpu::Buffer); 10] {
+        [
+            ("points", &self.points),
+            ("tracks", &self.tracks),
+            ("by_point", &self.by_point),
+            ("by_image", &self.by_image),
+            ("image_order", &self.image_order),
+            ("pixels", &self.pixels),
+            ("residuals", &self.residuals),
+            ("segments", &self.segments),
+            ("blocks", &self.blocks),
+            ("changes", &self.changes),
+        ]
+    }
+
+    pub(super) fn bytes(&self) -> u64 {
+        self.named().iter().map(|(_, buffer)| buffer.size()).sum()
+    }
+}
+
+impl Buffers {
+    /// `rows` rows of sums over points, `reduced` of the second stage, parameters of `params_bytes`.
+    pub(super) fn new(
+        device: &Device,
+        layout: &Layout,
+        params_bytes: u64,
+        [rows, span, reduced]: [u64; 3],
+    ) -> Result<Self, GpuError> {
+        let units = (layout.views.len() + layout.intrinsics.len()) as u64;
+        let segments = layout.segments as u64;
+        let sums = |name| device.zeroed(name, rows * ROW_BYTES);
+        Ok(Self {
+            params: device.uniforms("params", params_bytes)?,
+            reduce_params: device.uniform("reduce params", &[rows as u32, span as u32, 0, 0])?,
+            views: device.storage("views", &layout.views.repeat(3))?,
+            intrinsics: device.storage("intrinsics", &layout.intrinsics.repeat(3))?,
+            topology: device.storage("topology", &layout.topology)?,
+            freedom: device.storage("freedom", &layout.freedom)?,
+            partials: device.zeroed("camera sums", segments * 64)?,
+            block_sums: device.zeroed("block sums", segments * 480)?,
+            inverses: device.zeroed("inverse blocks", units * 784)?,
+            vectors: device.zeroed("vectors", 16 * (STATE_VEC4 + SECTIONS * 2 * units))?,
+            product_sums: sums("product sums")?,
+            step_sums: sums("step sums")?,
+            trial_sums: sums("trial sums")?,
+            step_reduced: device.zeroed("reduced step sums", reduced * ROW_BYTES)?,
+            trial_reduced: device.zeroed("reduced trial sums", reduced * ROW_BYTES)?,
+        })
+    }
+
+    fn named(&self) -> [(&'static str, &wgpu::Buffer); 15] {
+        [
+            ("params", &self.params),
+            ("reduce_params", &self.reduce_params),
+            ("views", &self.views),
+            ("intrinsics", &self.intrinsics),
+            ("topology", &self.topology),
+            ("freedom", &self.freedom),
+            ("partials", &self.partials),
+            ("block_sums", &self.block_sums),
+            ("inverses", &self.inverses),
+            ("vectors", &self.vectors),
+            ("product sums", &self.product_sums),
+            ("step sums", &self.step_sums),
+            ("trial sums", &self.trial_sums),
+            ("step reduced", &self.step_reduced),
+            ("trial reduced", &self.trial_reduced),
+        ]
+    }
+
+    pub(super) fn bytes(&self) -> u64 {
+        self.named().iter().map(|(_, buffer)| buffer.size()).sum()
+    }
+
+    /// A kernel's buffers by the names of its variables, those of a chunk included where it works on one. `sums` is the
+    /// one name with a meaning by kernel; a kernel over a chunk's points binds the chunk's rows of it.
+    pub(super) fn of<'a>(
+        &'a self,
+        kernel: &Kernel,
+        chunk: Option<(&'a ChunkBuffers, ChunkPlace)>,
+    ) -> Vec<wgpu::BufferBinding<'a>> {
+        let sums = match kernel.name {
+            "product_point" | "pcg_step" => &self.product_sums,
+            "back_substitute" => &self.step_sums,
+            _ => &self.trial_sums,
+        };
+        let part =
+            |buffer, offset, bytes: u64| wgpu::BufferBinding { buffer, offset, size: wgpu::BufferSize::new(bytes) };
+        let whole = |buffer: &'a wgpu::Buffer| part(buffer, 0, buffer.size());
+        let place = chunk.map(|(_, place)| place);
+        let of_chunk = chunk.map(|(buffers, _)| buffers.named());
+        let one = |name: &str| match name {
+            "params" => Some(part(&self.params, place.map_or(0, |p| p.params_offset), super::resident::PARAMS_BYTES)),
+            "sums" => Some(place.map_or(whole(sums), |p| part(sums, p.first_row * ROW_BYTES, p.rows * ROW_BYTES))),
+            _ => {
+                let named = self.named();
+                let mut all = of_chunk.iter().flatten().chain(&named);
+                all.find(|(n, _)| *n == name).map(|&(_, buffer)| whole(buffer))
+            }
+        };
+        kernel.bindings.iter().filter_map(|b| one(b.name)).collect()
+    }
+}

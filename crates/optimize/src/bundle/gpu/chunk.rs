@@ -1,0 +1,164 @@
+//! Runs of points with their observations, small enough that every array of one fits a binding (`solver.md` §2.6).
+
+use std::ops::Range;
+
+use super::lattice::Lattice;
+use super::records::Point;
+use crate::bundle::problem::Problem;
+
+/// Observations of one image that one workgroup sums (source: `solver.md` §2.1).
+const SEGMENT: usize = 512;
+/// Largest records of a chunk's arrays: a point's block and an observation's residuals.
+pub(super) const POINT_BYTES: u64 = 96;
+pub(super) const OBSERVATION_BYTES: u64 = 16;
+
+/// How large a chunk may grow. A track longer than that is a chunk of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct ChunkLimits {
+    pub(super) points: usize,
+    pub(super) observations: usize,
+}
+
+/// What is uploaded of a chunk. Indices of points and observations count from its start.
+#[derive(Debug)]
+pub(super) struct Chunk {
+    /// Its first point in the problem.
+    pub(super) first_point: usize,
+    pub(super) points: Vec<Point>,
+    /// `points + 1` offsets into the points' order.
+    pub(super) tracks: Vec<u32>,
+    /// Points' order: image and weight.
+    pub(super) by_point: Vec<[u32; 2]>,
+    pub(super) pixels: Vec<[f32; 2]>,
+    /// Images' order: point, weight, place in the points' order.
+    pub(super) by_image: Vec<[u32; 4]>,
+    /// For each place in the points' order, that in the images' order.
+    pub(super) image_order: Vec<u32>,
+    /// Image, start, end, slot of the sums.
+    pub(super) segments: Vec<[u32; 4]>,
+}
+
+/// Observations of a point that take part: tracks that cannot fix a point are left out where points may move.
+fn kept(problem: &Problem, point: usize) -> Range<usize> {
+    let (start, end) = (problem.track_start[point] as usize, problem.track_start[point + 1] as usize);
+    if problem.fixed_points || end - start >= 2 { start..end } else { start..start }
+}
+
+/// Runs of points, as long as the limits allow.
+pub(super) fn split(problem: &Problem, limits: ChunkLimits) -> Vec<Range<usize>> {
+    let mut runs = Vec::new();
+    let (mut first, mut observations) = (0, 0);
+    for point in 0..problem.points.len() {
+        let more = kept(problem, point).len();
+        if point > first && (observations + more > limits.observations || point - first >= limits.points) {
+            runs.push(first..point);
+            (first, observations) = (point, 0);
+        }
+        observations += more;
+    }
+    if first < problem.points.len() {
+        runs.push(first..problem.points.len());
+    }
+    runs
+}
+
+impl Chunk {
+    pub(super) fn new(problem: &Problem, run: Range<usize>, lattice: &Lattice) -> Self {
+        let mut chunk = Self {
+            first_point: run.start,
+            points: problem.points[run.clone()].iter().map(|&p| point(lattice, p)).collect(),
+            tracks: Vec::with_capacity(run.len() + 1),
+            by_point: Vec::new(),
+            pixels: Vec::new(),
+            by_image: Vec::new(),
+            image_order: Vec::new(),
+            segments: Vec::new(),
+        };
+        let point_of = chunk.sort_tracks(problem, run);
+        chunk.sort_images(problem.cam_from_world.len(), &point_of);
+        chunk
+    }
+
+    /// Observations by point and image.
+    fn sort_tracks(&mut self, problem: &Problem, run: Range<usize>) -> Vec<u32> {
+        let mut point_of = Vec::new();
+        let mut order: Vec<usize> = Vec::new();
+        self.tracks.push(0);
+        for (p, point) in (0u32..).zip(run) {
+            order.clear();
+            order.extend(kept(problem, point));
+            order.sort_by_key(|&o| problem.observation_image[o]);
+            for &o in &order {
+                self.by_point.push([problem.observation_image[o], 0]);
+                self.pixels.push(problem.observation_px[o].to_array().map(|v| v as f32));
+                point_of.push(p);
+            }
+            self.tracks.push(self.by_point.len() as u32);
+        }
+        point_of
+    }
+
+    /// The images' order, cut into segments whose slots are given later.
+    fn sort_images(&mut self, images: usize, point_of: &[u32]) {
+        let mut start = vec![0u32; images + 1];
+        self.by_point.iter().for_each(|o| start[o[0] as usize + 1] += 1);
+        (0..images).for_each(|i| start[i + 1] += start[i]);
+        let mut next = start.clone();
+        self.by_image = vec![[0; 4]; self.by_point.len()];
+        for (o, observation) in self.by_point.iter().enumerate() {
+            let place = &mut next[observation[0] as usize];
+            self.by_image[*place as usize] = [point_of[o], 0, o as u32, 0];
+            self.image_order.push(*place);
+            *place += 1;
+        }
+        for (i, range) in (0u32..).zip(start.windows(2)) {
+            for from in (range[0]..range[1]).step_by(SEGMENT) {
+                self.segments.push([i, from, range[1].min(from + SEGMENT as u32), 0]);
+            }
+        }
+    }
+}
+
+/// Gives every segment the slot of its sums: the slots of an image follow one another, chunk by chunk, so that whoever
+/// sums them goes through all chunks in a fixed order. Returns `images + 1` offsets.
+pub(super) fn assign_slots(chunks: &mut [Chunk], images: usize) -> Vec<u32> {
+    let mut start = vec![0u32; images + 1];
+    let segments = chunks.iter().flat_map(|c| &c.segments);
+    segments.for_each(|s| start[s[0] as usize + 1] += 1);
+    (0..images).for_each(|i| start[i + 1] += start[i]);
+    let mut next = start.clone();
+    for segment in chunks.iter_mut().flat_map(|c| &mut c.segments) {
+        let slot = &mut next[segment[0] as usize];
+        segment[3] = *slot;
+        *slot += 1;
+    }
+    start
+}
+
+fn point(lattice: &Lattice, position: glam::DVec3) -> Point {
+    let (cell, offset) = lattice.point(position);
+    let [x, y, z] = offset.map(f32::to_bits);
+    [x, y, z, cell, 0, 0, 0, 0]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_cover_all_points_within_the_limits_and_long_tracks_stand_alone() {
+        let lengths = [3, 4, 1, 50, 2, 2, 0, 0, 0, 0, 5];
+        let mut problem = Problem { track_start: vec![0], ..Problem::default() };
+        for length in lengths {
+            problem.points.push(glam::DVec3::ZERO);
+            problem.track_start.push(problem.track_start[problem.points.len() - 1] + length);
+        }
+        let runs = split(&problem, ChunkLimits { points: 4, observations: 7 });
+        assert_eq!(runs, [0..3, 3..4, 4..8, 8..11]);
+        assert_eq!(split(&problem, ChunkLimits { points: 100, observations: 1000 }), [0..11]);
+        assert!(
+            split(&Problem { track_start: vec![0], ..Problem::default() }, ChunkLimits { points: 1, observations: 1 })
+                .is_empty()
+        );
+    }
+}
