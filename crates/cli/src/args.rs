@@ -61,6 +61,25 @@ pub(crate) struct ReconstructArgs {
     /// Folder of the images, for the colours of the points.
     #[arg(long, value_name = "DIR")]
     pub(crate) images: Option<PathBuf>,
+    /// Folder of depth maps, matched to the images by name: 16-bit PNG, npy, npz or COLMAP's dense format. Images
+    /// without one are fine.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) depth_dir: Option<PathBuf>,
+    /// JSON file with the depth camera, if that is not the images' [default: DIR/depth.json, where it exists]
+    #[arg(long, value_name = "FILE", requires = "depth_dir")]
+    pub(crate) depth_sidecar: Option<PathBuf>,
+    /// Metres a unit [default: 0.001 for whole numbers, 1 for floating-point numbers]
+    #[arg(long, value_name = "M", requires = "depth_dir")]
+    pub(crate) depth_scale: Option<f64>,
+    /// What the numbers measure [default: z]
+    #[arg(long, value_enum, requires = "depth_dir")]
+    pub(crate) depth_kind: Option<DepthKindArg>,
+    /// Standard deviation of a depth divided by the depth [default: 0.05]
+    #[arg(long, value_name = "SHARE", requires = "depth_dir")]
+    pub(crate) depth_sigma: Option<f64>,
+    /// Larger depths count as unknown, metres [default: 10000]
+    #[arg(long, value_name = "M", requires = "depth_dir")]
+    pub(crate) depth_max: Option<f64>,
     /// What bundle adjustment may do to the intrinsics [default: refine]
     #[arg(long, value_enum)]
     pub(crate) intrinsics: Option<IntrinsicsArg>,
@@ -85,6 +104,24 @@ pub(crate) struct ReconstructArgs {
     /// Print events to standard output, one JSON object a line.
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum DepthKindArg {
+    /// Distance along the optical axis.
+    Z,
+    /// Distance from the camera's centre.
+    Ray,
+}
+
+impl DepthKindArg {
+    /// The name in a settings file.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Z => "z",
+            Self::Ray => "ray",
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

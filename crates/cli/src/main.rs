@@ -4,6 +4,7 @@ mod args;
 mod backend;
 mod bundle;
 mod convert;
+mod depth;
 mod error;
 mod evaluate;
 mod images;

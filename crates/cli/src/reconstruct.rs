@@ -13,14 +13,15 @@ use crate::error::CliError;
 use crate::images::ImageFolder;
 use crate::progress::Progress;
 use crate::results::ResultFolder;
-use crate::{interrupt, locate, output};
+use crate::{depth, interrupt, locate, output};
 
 pub(crate) fn run(args: &ReconstructArgs) -> Result<(), CliError> {
     let options = options(args)?;
     let mut images = args.images.as_deref().map(ImageFolder::open).transpose()?;
+    depth::check(args)?;
     locate::use_threads(args.threads)?;
     let read = ReadOptions { raw_matches: options.matches == Matches::Raw };
-    let Loaded { value: graph, warnings } = read_database(&args.database, &read).map_err(CliError::Input)?;
+    let Loaded { value: mut graph, warnings } = read_database(&args.database, &read).map_err(CliError::Input)?;
     let mut progress = Progress::new(args.json);
     let mut all_warnings: Vec<String> = warnings.iter().map(ToString::to_string).collect();
     for message in &all_warnings {
@@ -31,10 +32,12 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<(), CliError> {
     interrupt::install();
     let keypoints = graph.images.iter().map(|image| image.keypoints_px.len()).sum();
     let mut engine = backend::engine(args.backend, Size::Keypoints(keypoints), false)?;
+    let depth_input = depth::attach(args, &mut graph, &options, &mut progress, &mut all_warnings)?;
     let source = images.as_mut().map(|images| images as &mut dyn ImageSource);
     let mut outcome = epipole_mapper::reconstruct_blocking(graph, &options, &mut engine, source, &mut progress)?;
     all_warnings.append(&mut outcome.report.warnings);
     outcome.report.warnings = all_warnings;
+    outcome.report.depth_input = depth_input;
     folder.write(&outcome)?;
     announce(args, &outcome, &progress);
     if outcome.report.stopped {
@@ -85,6 +88,15 @@ fn options(args: &ReconstructArgs) -> Result<Options, CliError> {
     }
     if let Some(matches) = args.matches {
         settings.set("matches", matches.name());
+    }
+    if let Some(kind) = args.depth_kind {
+        settings.set_in("depth", "kind", kind.name());
+    }
+    let depth = [("scale", args.depth_scale), ("relative_sigma", args.depth_sigma), ("max_m", args.depth_max)];
+    for (name, value) in depth {
+        if let Some(value) = value {
+            settings.set_in("depth", name, value);
+        }
     }
     if let Some(preset) = args.preset {
         settings.set("preset", preset.name());

@@ -8,6 +8,7 @@ pub mod bal;
 pub mod colmap;
 mod cursor;
 pub mod database;
+pub mod depth;
 mod error;
 pub mod nerfstudio;
 mod number;

@@ -1,5 +1,6 @@
 //! What a person can choose, twice: as written ([`Settings`], everything optional) and resolved ([`Options`]).
 
+use epipole_scene::depth::DepthOptions;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -53,6 +54,8 @@ pub struct Options {
     pub intrinsics: Intrinsics,
     /// Which matches to use.
     pub matches: Matches,
+    /// Reading of depth maps, where there are any.
+    pub depth: DepthOptions,
     /// Smallest component that is reconstructed, images.
     pub min_component_images: usize,
     /// Focal lengths from the view graph.
@@ -79,6 +82,7 @@ impl Default for Options {
             seed: 0,
             intrinsics: Intrinsics::default(),
             matches: Matches::default(),
+            depth: DepthOptions::default(),
             // COLMAP 4.2's smallest model (algorithms.md §2.11): two images have no redundancy.
             min_component_images: 3,
             calibrate: calibrate::Options::default(),
@@ -134,6 +138,14 @@ impl Settings {
         self.0.insert(name.to_string(), value.into());
     }
 
+    /// Sets one option of a section such as `depth`, over what was there.
+    pub fn set_in(&mut self, section: &str, name: &str, value: impl Into<Value>) {
+        // A section that is no object is left as it is: resolving refuses it with its name.
+        if let Value::Object(section) = self.0.entry(section).or_insert_with(|| Value::Object(Default::default())) {
+            section.insert(name.to_string(), value.into());
+        }
+    }
+
     /// Fills in everything that was not written; unknown names and values of the wrong type are errors that name them.
     pub fn resolve(&self) -> Result<Options, MapperError> {
         let invalid = |value: String, e: serde_json::Error| MapperError::InvalidOption {
@@ -176,6 +188,10 @@ impl Options {
             ("refine.huber_px", self.refine.huber_px),
             ("refine.max_normalized_error", self.refine.max_normalized_error),
             ("refine.relative_decrease_tolerance", self.refine.relative_decrease_tolerance),
+            ("depth.scale", self.depth.scale.unwrap_or(1.0)),
+            ("depth.relative_sigma", self.depth.relative_sigma),
+            ("depth.max_m", self.depth.max_m),
+            ("depth.max_jump", self.depth.max_jump),
         ];
         for (name, value) in positive {
             if !(value > 0.0 && value.is_finite()) {
@@ -185,6 +201,13 @@ impl Options {
                     expected: "a positive number".into(),
                 });
             }
+        }
+        if !(0.0..=1.0).contains(&self.depth.min_confidence) {
+            return Err(MapperError::InvalidOption {
+                name: "depth.min_confidence".into(),
+                value: self.depth.min_confidence.to_string(),
+                expected: "a number from 0 to 1".into(),
+            });
         }
         if self.min_component_images < 2 {
             return Err(MapperError::InvalidOption {
@@ -199,6 +222,8 @@ impl Options {
 
 #[cfg(test)]
 mod tests {
+    use epipole_scene::depth::DepthKind;
+
     use super::*;
 
     #[test]
@@ -209,6 +234,13 @@ mod tests {
         assert_eq!(options.seed, 7);
         assert_eq!(options.position.huber, 0.02);
         assert_eq!(options.refine.rounds, Options::preset(Preset::Fast).refine.rounds);
+        let mut settings = Settings::from_json(r#"{"depth": {"scale": 0.5, "kind": "ray"}}"#).expect("valid settings");
+        settings.set_in("depth", "scale", 0.25);
+        let depth = settings.resolve().expect("valid settings").depth;
+        assert_eq!((depth.scale, depth.kind), (Some(0.25), DepthKind::Ray));
+        for bad in [r#"{"depth": {"scale": 0}}"#, r#"{"depth": 1}"#, r#"{"depth": {"min_confidence": 2}}"#] {
+            assert!(Settings::from_json(bad).and_then(|s| s.resolve()).is_err(), "{bad}");
+        }
         for bad in [r#"{"seeed": 7}"#, r#"{"position": {"huber": -1}}"#, r#"{"seed": "x"}"#, "[]", r#"{"preset": 3}"#] {
             assert!(Settings::from_json(bad).and_then(|s| s.resolve()).is_err(), "{bad}");
         }

@@ -136,6 +136,7 @@ pub async fn reconstruct(
     let report = Report {
         version: env!("CARGO_PKG_VERSION"),
         options: options.clone(),
+        depth_input: None,
         num_images: graph.images.len(),
         num_registered: finished.iter().map(|(c, _)| c.reconstruction.images.len()).sum(),
         stopped,

@@ -1,5 +1,6 @@
 //! What a run did, for `report.json` and the page: times, counts, and why each missing image is missing.
 
+use epipole_scene::depth::DepthInput;
 use serde::Serialize;
 
 use crate::event::Stage;
@@ -12,6 +13,8 @@ pub struct Report {
     pub version: &'static str,
     /// The options, resolved.
     pub options: Options,
+    /// What came of reading depth maps; the reader fills it in, as it fills in its warnings.
+    pub depth_input: Option<DepthInput>,
     /// Images in the database.
     pub num_images: usize,
     /// Images posed in any component.

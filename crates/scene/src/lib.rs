@@ -3,7 +3,7 @@
 
 pub mod align;
 pub mod chamfer;
-mod depths;
+pub mod depth;
 pub mod evaluate;
 pub mod filter;
 pub mod kd_tree;
@@ -15,7 +15,7 @@ mod view_graph;
 #[cfg(test)]
 mod fixture;
 
-pub use depths::{ImageDepths, KeypointDepth};
+pub use depth::{ImageDepths, KeypointDepth};
 pub use epipole_geometry::camera::Camera;
 pub use reconstruction::{Frame, Image, NO_POINT, Observation, Point, Reconstruction, Rig, RigSensor, SensorId};
 pub use view_graph::{Pair, PairCamera, PairConfig, ViewGraph, ViewImage};

@@ -1,0 +1,67 @@
+//! Depth maps of images: found in a folder by the images' names, read from whatever format they are in, sampled at the
+//! keypoints, one map in memory at a time.
+
+mod attach;
+mod colmap;
+mod folder;
+mod npy;
+mod npz;
+mod png;
+mod raster;
+mod sidecar;
+#[cfg(test)]
+mod tests;
+mod write;
+
+use std::fs;
+use std::path::Path;
+
+use epipole_scene::depth::DepthMap;
+
+pub use attach::attach_depths;
+pub use sidecar::{DepthSidecar, SIDECAR_NAME};
+pub use write::{write_depth_npy, write_depth_png};
+
+use crate::error::{FormatError, Location, Problem};
+use raster::Raster;
+
+/// Reads a depth map: 16-bit grey PNG, npy or npz (f2, f4, f8, whole numbers; either order), or COLMAP's dense format. The
+/// kind is told from the content.
+///
+/// `scale` is metres a unit; if not given, 0.001 for whole numbers and 1 for floating-point numbers. Of whole numbers, 0 and
+/// the largest one that the type holds mean that there is no depth.
+///
+/// # Errors
+/// A file that cannot be read, is of another kind, or is damaged.
+pub fn read_depth_map(path: &Path, scale: Option<f64>) -> Result<DepthMap, FormatError> {
+    read(path)?.into_depths(scale).map_err(|problem| invalid(path, problem))
+}
+
+/// Reads the confidences that belong to a depth map: 8- or 16-bit grey PNG or any format of [`read_depth_map`].
+fn read_confidence(path: &Path, full: Option<f64>) -> Result<(usize, usize, Vec<f32>), FormatError> {
+    let raster = read(path)?;
+    Ok((raster.width, raster.height, raster.into_confidences(full)))
+}
+
+fn read(path: &Path) -> Result<Raster, FormatError> {
+    let bytes = fs::read(path).map_err(|e| FormatError::io(path, e))?;
+    parse(&bytes).map_err(|problem| invalid(path, problem))
+}
+
+fn invalid(path: &Path, problem: Problem) -> FormatError {
+    FormatError::invalid(Location::file(path), problem, "its image is used without depth")
+}
+
+fn parse(bytes: &[u8]) -> Result<Raster, Problem> {
+    match bytes {
+        [] => Err(Problem::Empty),
+        [0x89, b'P', b'N', b'G', ..] => png::parse(bytes),
+        [0x93, b'N', b'U', b'M', ..] => npy::parse(bytes),
+        [b'P', b'K', ..] => npz::parse(bytes),
+        [b'0'..=b'9', ..] => colmap::parse(bytes),
+        _ => Err(Problem::WrongKind {
+            expected: "a depth map",
+            reason: "its first bytes are not those of a PNG, npy, npz or dense COLMAP file".into(),
+        }),
+    }
+}
