@@ -4,6 +4,7 @@
 
 mod bal;
 mod cameras;
+mod circuit;
 mod error;
 mod layout;
 mod observe;
@@ -16,6 +17,7 @@ mod scene;
 mod write;
 
 pub use bal::{BalPerturbation, bal_problem, write_bal};
+pub use circuit::{Circuit, CircuitScene, circuit};
 pub use error::SynthError;
 pub use options::{FocalKnowledge, Kind, Options, StoredPoses};
 pub use scene::{Scene, generate};

@@ -12,7 +12,7 @@ mod validate;
 
 use epipole_geometry::camera::Real;
 
-pub use options::{Options, Solver};
+pub use options::{Options, Preconditioner, Solver};
 pub use problem::{ParamPrior, PoseFreedom, Problem};
 
 use crate::error::OptimizeError;

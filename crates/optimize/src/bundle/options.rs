@@ -18,6 +18,18 @@ pub enum Solver {
     PcgImplicit,
 }
 
+/// What PCG is preconditioned with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Preconditioner {
+    /// The second level for 60 images or more, and for fewer once PCG has come to its limit three times in a row.
+    #[default]
+    Auto,
+    /// The diagonal blocks of the reduced system alone: one per image, one per shared camera.
+    SchurJacobi,
+    /// With a coarse space of similarities of clusters of images on top (source: `scale.md` §3).
+    TwoLevel,
+}
+
 /// Options of [`super::solve`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Options {
@@ -29,4 +41,6 @@ pub struct Options {
     pub solver: Solver,
     /// When PCG stops.
     pub pcg: PcgOptions,
+    /// What PCG is preconditioned with.
+    pub preconditioner: Preconditioner,
 }

@@ -22,6 +22,7 @@
 
 mod assemble;
 mod cholesky;
+pub(crate) mod coarse;
 mod dense;
 mod incidence;
 mod kernel;

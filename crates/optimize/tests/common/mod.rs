@@ -2,11 +2,18 @@
 
 #![allow(dead_code, unreachable_pub)]
 
+// The synthesiser's own files: a dependency on its package would bring a database into every test of this one.
+#[path = "../../../../tests/src/synth/random.rs"]
+mod random;
+#[path = "../../../../tests/src/synth/circuit.rs"]
+mod synth;
+
 use std::path::PathBuf;
 
 use epipole_geometry::Rigid3;
 use epipole_geometry::camera::{Camera, CameraModel, MAX_PARAMS};
-use epipole_optimize::bundle::{PoseFreedom, Problem};
+use epipole_optimize::bundle::{self, Options, PoseFreedom, Problem, Solver};
+use epipole_optimize::lm::{LmOptions, LmReport};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -171,4 +178,57 @@ pub fn perturb(problem: &mut Problem, degrees: f64, position: f64, seed: u64) {
     if !problem.fixed_points {
         problem.points.iter_mut().for_each(|p| *p += gauss3(&mut rng) * position);
     }
+}
+
+/// The circuits of `scale.md` §2 as problems: 200 images with 76 000 observations, 500 with 298 000; one shared camera,
+/// squared loss.
+pub fn circuit(images: usize) -> Problem {
+    let density = if images < 500 { 500.0 } else { 705.0 };
+    let scene = synth::circuit(&synth::Circuit { images, density, ..Default::default() });
+    let mut refine = [false; MAX_PARAMS];
+    [0, 3, 4].iter().for_each(|&k| refine[k] = true);
+    Problem {
+        image_camera: vec![0; images],
+        pose_freedom: vec![PoseFreedom::Free; images],
+        cameras: vec![scene.camera],
+        refine_params: vec![refine],
+        param_priors: vec![Vec::new()],
+        cam_from_world: scene.cam_from_world,
+        points: scene.points,
+        track_start: scene.track_start,
+        observation_image: scene.observation_image,
+        observation_px: scene.observation_px,
+        ..Problem::default()
+    }
+}
+
+/// What `f64` with a Cholesky factor in every step ends at.
+pub fn circuit_optimum(problem: &Problem) -> f64 {
+    let lm = LmOptions { max_iterations: 100, relative_decrease_tolerance: 1e-9, ..LmOptions::default() };
+    let options = Options { lm, solver: Solver::Cholesky, ..Options::default() };
+    bundle::solve(&mut problem.clone(), &options, &mut ()).expect("a good problem").final_cost
+}
+
+/// Products until the cost is within a share of the optimum.
+pub fn products_to(report: &LmReport, optimum: f64, share: f64) -> Option<usize> {
+    let mut products = 0;
+    report.history.iter().find_map(|record| {
+        products += record.inner_iterations;
+        (record.accepted && record.cost <= optimum * (1.0 + share)).then_some(products)
+    })
+}
+
+pub fn print_products(name: &str, report: &LmReport, optimum: f64, seconds: f64) {
+    let to = |share: f64| products_to(report, optimum, share).map_or("never".to_string(), |n| n.to_string());
+    println!(
+        "{name}: {} steps ({} refused), {} products, {} to 1e-4, {} to 1e-6, gap {:.1e}, {seconds:.1} s",
+        report.iterations,
+        report.rejected,
+        report.inner_iterations,
+        to(1e-4),
+        to(1e-6),
+        report.final_cost / optimum - 1.0,
+    );
+    let inner: Vec<usize> = report.history.iter().map(|r| r.inner_iterations).collect();
+    println!("    products by step {inner:?}");
 }

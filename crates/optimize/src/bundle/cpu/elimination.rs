@@ -49,49 +49,58 @@ pub(super) fn subtract_points<T: Real>(
     if structure.fixed_points {
         return;
     }
-    let pitch = structure.layout.factor_stride();
-    let fill = |p: usize, factors: &mut [f64]| {
-        if !linearization.points[p].free {
-            return;
-        }
-        let blocks = structure.incidence.blocks(p);
-        let mut participant = 0;
-        for o in structure.track(p) {
-            let i = structure.image[o] as usize;
-            let row = &linearization.rows[o];
-            let z = row.point.map(|row| solve_row(&damped[p].triangle, &to_f64(row)));
-            let dof = structure.pose_dof[i] as usize;
-            if structure.layout.size(i) > 0 {
-                // Tracks are sorted by image and so are the blocks of a point.
-                while blocks[participant] != i as u32 {
-                    participant += 1;
-                }
-                if dof > 0 {
-                    let out = &mut factors[participant * 3 * pitch..(participant + 1) * 3 * pitch];
-                    add_pose(linearization, o, &z, dof, pitch, out);
-                }
-            }
-            let c = structure.camera[i] as usize;
-            let count = structure.free_params[c].len();
-            if count > 0 {
-                let slot = structure.param_slot[c];
-                let at = if slot.block == i {
-                    Some(participant)
-                } else {
-                    blocks.iter().rposition(|&b| b as usize == slot.block)
-                };
-                let Some(at) = at else { continue };
-                let [a, b] = linearization.param_rows(o, count);
-                for k in 0..3 {
-                    let line = &mut factors[(at * 3 + k) * pitch + slot.offset..][..count];
-                    for (n, value) in line.iter_mut().enumerate() {
-                        *value += a[n].to_f64() * z[0][k] + b[n].to_f64() * z[1][k];
-                    }
-                }
-            }
-        }
-    };
+    let fill = |p: usize, factors: &mut [f64]| point_factors(structure, linearization, &damped[p], p, factors);
     matrix.eliminate_points(&structure.incidence, fill, |p| damped[p].gradient, rhs);
+}
+
+/// `Eᵀ` of every participant of a point, into zeroed memory.
+pub(super) fn point_factors<T: Real>(
+    structure: &Structure,
+    linearization: &Linearization<T>,
+    damped: &DampedPoint,
+    p: usize,
+    factors: &mut [f64],
+) {
+    if !linearization.points[p].free {
+        return;
+    }
+    let pitch = structure.layout.factor_stride();
+    let blocks = structure.incidence.blocks(p);
+    let mut participant = 0;
+    for o in structure.track(p) {
+        let i = structure.image[o] as usize;
+        let row = &linearization.rows[o];
+        let z = row.point.map(|row| solve_row(&damped.triangle, &to_f64(row)));
+        let dof = structure.pose_dof[i] as usize;
+        if structure.layout.size(i) > 0 {
+            // Tracks are sorted by image and so are the blocks of a point.
+            while blocks[participant] != i as u32 {
+                participant += 1;
+            }
+            if dof > 0 {
+                let out = &mut factors[participant * 3 * pitch..(participant + 1) * 3 * pitch];
+                add_pose(linearization, o, &z, dof, pitch, out);
+            }
+        }
+        let c = structure.camera[i] as usize;
+        let count = structure.free_params[c].len();
+        if count > 0 {
+            let slot = structure.param_slot[c];
+            let at = if slot.block == i {
+                Some(participant)
+            } else {
+                blocks.iter().rposition(|&b| b as usize == slot.block)
+            };
+            let Some(at) = at else { continue };
+            let [a, b] = linearization.param_rows(o, count);
+            for k in 0..3 {
+                let line = &mut factors[(at * 3 + k) * pitch + slot.offset..][..count];
+                for (n, value) in line.iter_mut().enumerate() {
+                    *value += a[n].to_f64() * z[0][k] + b[n].to_f64() * z[1][k];
+                }
+            }
+        }
+    }
 }
 
 #[inline(always)]

@@ -2,6 +2,7 @@
 
 mod back_substitution;
 mod camera_step;
+mod coarse;
 mod depth_limits;
 mod elimination;
 mod implicit;

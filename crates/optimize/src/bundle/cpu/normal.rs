@@ -6,6 +6,7 @@ use super::linearization::{Linearization, MAX_BLOCK};
 use super::structure::Structure;
 use crate::bundle::problem::ParamPrior;
 use crate::parallel;
+use crate::reduced::coarse::{Basis, CoarseMatrix};
 use crate::reduced::{BlockMatrix, Vectorized, dispatch};
 
 /// An image with fewer active observations stays where it is (source: `solver.md` §5.4).
@@ -143,6 +144,18 @@ impl CameraNormal {
             }
         }
         matrix.add_diagonal(&self.added_diagonal(lambda));
+    }
+
+    /// `coarse += Zᵀ (B + λ diag(B)) Z`, priors included.
+    pub(super) fn project(&self, structure: &Structure, lambda: f64, basis: &Basis, coarse: &mut CoarseMatrix) {
+        for (i, block) in self.images.iter().enumerate() {
+            let dof = structure.pose_dof[i] as usize;
+            let slot = structure.param_slot[structure.camera[i] as usize];
+            let place = |k: usize| if k < dof { (i, k) } else { (slot.block, slot.offset + k - dof) };
+            let rows: Vec<_> = (0..block.size).map(place).collect();
+            coarse.add_projected(basis, &rows, &block.normal);
+        }
+        coarse.add_diagonal(basis, &structure.layout, &self.added_diagonal(lambda));
     }
 
     /// What comes on top of `J_cᵀJ_c`: damping and priors.

@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use epipole_geometry::camera::Real;
+use glam::DVec3;
 
+use super::coarse::SecondLevel;
 use super::elimination::{DampedPoint, subtract_points};
 use super::implicit::ImplicitOperator;
 use super::linearization::Linearization;
@@ -32,6 +34,7 @@ pub(super) struct ReducedSolver {
     /// The whole matrix, or its diagonal blocks where it is never formed.
     matrix: BlockMatrix,
     pcg: PcgOptions,
+    second_level: SecondLevel,
 }
 
 #[derive(Debug)]
@@ -69,7 +72,8 @@ impl ReducedSolver {
                 exact.unwrap_or_else(|| (Kind::PcgImplicit, diagonal()))
             }
         };
-        Ok(Self { kind, matrix: BlockMatrix::zeros(pattern), pcg: options.pcg })
+        let second_level = SecondLevel::new(structure, options);
+        Ok(Self { kind, matrix: BlockMatrix::zeros(pattern), pcg: options.pcg, second_level })
     }
 
     /// The camera step and the products it took; `None` where there is no solution.
@@ -79,6 +83,7 @@ impl ReducedSolver {
         linearization: &Linearization<T>,
         normal: &CameraNormal,
         damped: &[DampedPoint],
+        centers: &[DVec3],
         lambda: f64,
     ) -> Option<(Vec<f64>, usize)> {
         self.matrix.fill_zero();
@@ -87,29 +92,33 @@ impl ReducedSolver {
         subtract_points(structure, linearization, damped, &mut self.matrix, &mut rhs);
         normal.clear_removed(&mut rhs);
         self.matrix.remove_unknowns(&normal.removed);
-        match &mut self.kind {
-            Kind::Cholesky(cholesky) => cholesky.solve(&self.matrix, &rhs).ok().map(|x| (x, 1)),
-            Kind::PcgExplicit => {
-                let preconditioner = BlockJacobi::new(&self.matrix);
-                let mut operator = Explicit(&self.matrix);
-                let result = pcg(&mut operator, |r, z| preconditioner.apply(r, z), &rhs, &self.pcg);
-                Some((result.x, result.iterations))
-            }
-            Kind::PcgImplicit => {
-                let preconditioner = BlockJacobi::new(&self.matrix);
-                let mut operator = ImplicitOperator {
-                    structure,
-                    linearization,
-                    damped,
-                    normal,
-                    diagonal: normal.added_diagonal(lambda),
-                    lambda,
-                    projected: vec![[T::ZERO; 2]; structure.image.len()],
-                };
-                let result = pcg(&mut operator, |r, z| preconditioner.apply(r, z), &rhs, &self.pcg);
-                Some((result.x, result.iterations))
-            }
+        if let Kind::Cholesky(cholesky) = &mut self.kind {
+            return cholesky.solve(&self.matrix, &rhs).ok().map(|x| (x, 1));
         }
+        let jacobi = BlockJacobi::new(&self.matrix);
+        let coarse = self.second_level.at(structure, linearization, normal, damped, centers, lambda);
+        let precondition = |r: &[f64], z: &mut [f64]| {
+            jacobi.apply(r, z);
+            if let Some(coarse) = coarse {
+                coarse.add_to(&structure.layout, r, z);
+            }
+        };
+        let result = if matches!(self.kind, Kind::PcgExplicit) {
+            pcg(&mut Explicit(&self.matrix), precondition, &rhs, &self.pcg)
+        } else {
+            let mut operator = ImplicitOperator {
+                structure,
+                linearization,
+                damped,
+                normal,
+                diagonal: normal.added_diagonal(lambda),
+                lambda,
+                projected: vec![[T::ZERO; 2]; structure.image.len()],
+            };
+            pcg(&mut operator, precondition, &rhs, &self.pcg)
+        };
+        self.second_level.took(result.iterations, self.pcg.max_iterations);
+        Some((result.x, result.iterations))
     }
 }
 

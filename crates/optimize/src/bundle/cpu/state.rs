@@ -31,7 +31,7 @@ pub(super) struct View<T> {
 #[derive(Clone, Debug)]
 pub(super) struct Cameras<T> {
     rotation: Vec<DQuat>,
-    center: Vec<DVec3>,
+    pub(super) center: Vec<DVec3>,
     pub(super) params: Vec<[f64; MAX_PARAMS]>,
     pub(super) views: Vec<View<T>>,
     pub(super) view_params: Vec<[T; MAX_PARAMS]>,

@@ -164,7 +164,7 @@ impl<T: Real> System for CpuSystem<T> {
         let (x, inner_iterations) = if normal.is_empty() {
             (vec![0.0; structure.layout.dim()], 0)
         } else {
-            self.solver.solve(structure, linearization, normal, damped, lambda)?
+            self.solver.solve(structure, linearization, normal, damped, &self.cameras.center, lambda)?
         };
         let step = CameraStep::new(structure, &x);
         let promise =

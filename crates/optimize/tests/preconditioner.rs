@@ -1,0 +1,32 @@
+//! The products that the circuits of `scale.md` §2 take with and without the second level of the preconditioner.
+
+mod common;
+
+use common::{circuit, circuit_optimum, print_products, products_to};
+use epipole_optimize::bundle::{self, Options, Preconditioner, Solver};
+use epipole_optimize::lm::LmOptions;
+
+/// `scale.md` §2 has 25 products to 1e-6 of the optimum at 200 images; 1.3 times as many are allowed.
+const PRODUCTS_200: usize = 32;
+
+fn options(preconditioner: Preconditioner) -> Options {
+    let lm = LmOptions { relative_decrease_tolerance: 1e-7, ..LmOptions::default() };
+    Options { lm, solver: Solver::PcgImplicit, preconditioner, ..Options::default() }
+}
+
+#[test]
+fn a_circuit_of_200_images_takes_few_products_on_the_cpu() {
+    let problem = circuit(200);
+    let optimum = circuit_optimum(&problem);
+    let two_level = bundle::solve(&mut problem.clone(), &options(Preconditioner::Auto), &mut ()).expect("good");
+    print_products("two-level f64", &two_level, optimum, f64::NAN);
+    let single =
+        bundle::solve_with::<f32>(&mut problem.clone(), &options(Preconditioner::TwoLevel), &mut ()).expect("good");
+    print_products("two-level f32", &single, optimum, f64::NAN);
+    let plain = bundle::solve(&mut problem.clone(), &options(Preconditioner::SchurJacobi), &mut ()).expect("good");
+    print_products("plain f64", &plain, optimum, f64::NAN);
+    for report in [&two_level, &single] {
+        assert!(products_to(report, optimum, 1e-6).is_some_and(|n| n <= PRODUCTS_200));
+    }
+    assert!(products_to(&plain, optimum, 1e-6).is_none_or(|n| n > 4 * PRODUCTS_200));
+}
