@@ -204,6 +204,9 @@ pub(crate) struct EvaluateArgs {
     /// PLY point cloud in the frame of the reference, to measure the distance to after aligning the cameras.
     #[arg(long, value_name = "PLY")]
     pub(crate) cloud: Option<PathBuf>,
+    /// Align by a rigid motion only, so that a wrong scale counts: for models in metres.
+    #[arg(long)]
+    pub(crate) no_scale: bool,
     /// Image names are compared by this part.
     #[arg(long, value_enum, default_value = "base")]
     pub(crate) match_by: MatchByArg,

@@ -6,7 +6,7 @@ use std::path::Path;
 use epipole_formats::ply;
 use epipole_geometry::Similarity3;
 use epipole_scene::Reconstruction;
-use epipole_scene::align::align_similarity;
+use epipole_scene::align::{align_rigid, align_similarity};
 use epipole_scene::chamfer::{Chamfer, chamfer};
 use epipole_scene::evaluate::{Auc, EvaluateOptions, Evaluation, MatchBy, evaluate};
 use glam::DVec3;
@@ -18,6 +18,8 @@ use crate::{locate, output};
 
 #[derive(Serialize)]
 struct Judgement {
+    /// What the model was moved by before distances were taken: `similarity`, `rigid`, or `none` for a bare cloud.
+    alignment: &'static str,
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     poses: Option<Evaluation>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -35,21 +37,21 @@ pub(crate) fn run(args: &EvaluateArgs) -> Result<(), CliError> {
         if args.cloud.is_some() {
             return Err(CliError::Usage("REFERENCE is a point cloud already; give --cloud only with a model".into()));
         }
-        Judgement { poses: None, chamfer: Some(distance(&model, &args.reference, None)?) }
+        Judgement { alignment: "none", poses: None, chamfer: Some(distance(&model, &args.reference, None)?) }
     } else {
         let reference = locate::read(&args.reference, args.json)?;
         let poses = evaluate(&model, &reference, &EvaluateOptions { match_by, ..EvaluateOptions::default() });
         let chamfer = match &args.cloud {
             None => None,
             Some(cloud) => {
-                let motion = align(&model, &reference, match_by).ok_or_else(|| {
+                let motion = align(&model, &reference, match_by, args.no_scale).ok_or_else(|| {
                     let message = "fewer than three images in common: the cloud cannot be compared in one frame";
                     CliError::Usage(message.into())
                 })?;
                 Some(distance(&model, cloud, Some(motion))?)
             }
         };
-        Judgement { poses: Some(poses), chamfer }
+        Judgement { alignment: if args.no_scale { "rigid" } else { "similarity" }, poses: Some(poses), chamfer }
     };
     if args.json {
         output::json_line(&judgement);
@@ -63,8 +65,8 @@ fn is_ply(path: &Path) -> bool {
     path.is_file() && path.extension().is_some_and(|e| e.eq_ignore_ascii_case("ply"))
 }
 
-/// The similarity that takes the model's camera centres to the reference's.
-fn align(model: &Reconstruction, reference: &Reconstruction, by: MatchBy) -> Option<Similarity3> {
+/// The similarity, or without scale the rigid motion, that takes the model's camera centres to the reference's.
+fn align(model: &Reconstruction, reference: &Reconstruction, by: MatchBy, no_scale: bool) -> Option<Similarity3> {
     let centers: HashMap<&str, DVec3> =
         model.images.iter().map(|i| (by.key(&i.name), i.cam_from_world.center())).collect();
     let common = reference.images.iter().filter_map(|i| {
@@ -72,7 +74,7 @@ fn align(model: &Reconstruction, reference: &Reconstruction, by: MatchBy) -> Opt
         Some((*center, i.cam_from_world.center()))
     });
     let (from, to): (Vec<DVec3>, Vec<DVec3>) = common.unzip();
-    align_similarity(&from, &to)
+    if no_scale { align_rigid(&from, &to) } else { align_similarity(&from, &to) }
 }
 
 fn distance(model: &Reconstruction, cloud: &Path, motion: Option<Similarity3>) -> Result<Chamfer, CliError> {
@@ -111,7 +113,10 @@ fn print(judgement: &Judgement) {
                 a.median_deg, a.mean_deg, a.max_deg
             ));
         }
-        let alignments = [("similarity", &e.ate), ("robust similarity", &e.ate_robust), ("rigid", &e.ate_rigid)];
+        let mut alignments = vec![("rigid", &e.ate_rigid)];
+        if judgement.alignment != "rigid" {
+            alignments.splice(0..0, [("similarity", &e.ate), ("robust similarity", &e.ate_robust)]);
+        }
         for (name, ate) in alignments.iter().filter_map(|(name, ate)| Some((name, ate.as_ref()?))) {
             output::line(&format!(
                 "ATE, {name}: RMSE {:.6} ({:.4} % of the extent), median {:.6}, max {:.6}, scale {:.6}",
@@ -122,16 +127,19 @@ fn print(judgement: &Judgement) {
                 ate.scale
             ));
         }
+        if let Some(error) = e.scale_error {
+            output::line(&format!("scale: {:.6} of the reference's (error {:+.3} %)", 1.0 + error, 100.0 * error));
+        }
     }
     if let Some(c) = &judgement.chamfer {
-        output::line(&format!(
-            "accuracy (model to cloud): mean {:.6}, median {:.6}",
-            c.accuracy.mean, c.accuracy.median
-        ));
-        output::line(&format!(
-            "completeness (cloud to model): mean {:.6}, median {:.6}",
-            c.completeness.mean, c.completeness.median
-        ));
+        let directions =
+            [("accuracy (model to cloud)", &c.accuracy), ("completeness (cloud to model)", &c.completeness)];
+        for (name, d) in directions {
+            output::line(&format!(
+                "{name}: mean {:.6}, median {:.6}, 90 % within {:.6}, 95 % within {:.6}",
+                d.mean, d.median, d.percentile_90, d.percentile_95
+            ));
+        }
         output::line(&format!("Chamfer: mean {:.6}, median {:.6}", c.mean, c.median));
     }
 }

@@ -13,6 +13,10 @@ pub struct CloudDistance {
     pub mean: f64,
     /// Median.
     pub median: f64,
+    /// Nine in ten are closer.
+    pub percentile_90: f64,
+    /// Nineteen in twenty are closer.
+    pub percentile_95: f64,
 }
 
 /// How close two clouds are.
@@ -45,7 +49,19 @@ pub fn chamfer(estimate: &[DVec3], reference: &[DVec3]) -> Option<Chamfer> {
 fn distances(from: &[DVec3], to: &KdTree) -> Option<CloudDistance> {
     let mut all: Vec<f64> = from.iter().filter_map(|p| to.nearest_distance(*p)).collect();
     let mean = all.iter().sum::<f64>() / all.len() as f64;
-    Some(CloudDistance { mean, median: median(&mut all)? })
+    Some(CloudDistance {
+        mean,
+        median: median(&mut all)?,
+        percentile_90: percentile(&mut all, 0.90)?,
+        percentile_95: percentile(&mut all, 0.95)?,
+    })
+}
+
+/// The smallest value that at least this share of all values does not exceed; reorders the values.
+fn percentile(values: &mut [f64], share: f64) -> Option<f64> {
+    let rank = (share * values.len() as f64).ceil() as usize;
+    let index = rank.saturating_sub(1);
+    (index < values.len()).then(|| *values.select_nth_unstable_by(index, f64::total_cmp).1)
 }
 
 #[cfg(test)]
@@ -64,6 +80,9 @@ mod tests {
         assert!((found.completeness.mean - expected).abs() < 1e-12);
         assert!((found.completeness.median - 0.5 * (0.1 + missing(1.0))).abs() < 1e-12);
         assert!((found.mean - 0.5 * (0.1 + expected)).abs() < 1e-12);
+        // Ten distances: the ninth and the tenth.
+        assert!((found.completeness.percentile_90 - missing(4.0)).abs() < 1e-12);
+        assert!((found.completeness.percentile_95 - missing(5.0)).abs() < 1e-12);
         assert_eq!(chamfer(&[], &reference), None);
         assert_eq!(chamfer(&reference, &[DVec3::NAN]), None);
     }

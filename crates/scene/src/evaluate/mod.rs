@@ -68,6 +68,9 @@ pub struct Evaluation {
     pub ate_robust: Option<TrajectoryError>,
     /// Camera centres after a rigid motion: an error in scale counts.
     pub ate_rigid: Option<TrajectoryError>,
+    /// How much longer the estimate's lengths are than the reference's, as a share of these: 0 for an estimate in the
+    /// reference's units. From the similarity of `ate`.
+    pub scale_error: Option<f64>,
     /// Rotations after the best common rotation.
     pub absolute_rotation: Option<AbsoluteRotation>,
     /// Diagonal of the box around the reference's camera centres, in its units.
@@ -90,6 +93,7 @@ pub fn evaluate(estimate: &Reconstruction, reference: &Reconstruction, options: 
         relative_rotation: summarize(errors.rotation_deg),
         relative_direction: summarize(errors.direction_deg),
         ate: trajectory.similarity,
+        scale_error: trajectory.similarity.map(|t| 1.0 / t.scale - 1.0),
         ate_robust: trajectory.robust,
         ate_rigid: trajectory.rigid,
         absolute_rotation: trajectory.rotation,

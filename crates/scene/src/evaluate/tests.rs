@@ -29,6 +29,7 @@ fn a_model_agrees_with_itself_in_another_frame() {
     let (ate, rigid) = (found.ate.expect("six images"), found.ate_rigid.expect("six images"));
     close(ate.rmse, 0.0, 1e-12);
     close(ate.scale, 1.0 / 3.0, 1e-12);
+    close(found.scale_error.expect("six images"), 2.0, 1e-12);
     assert!(rigid.rmse > 1.0, "the rigid error sees the scale");
     close(found.absolute_rotation.expect("six images").max_deg, 0.0, 1e-5);
     close(found.reference_extent, 5.0, 1e-12);
