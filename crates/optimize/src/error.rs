@@ -75,8 +75,28 @@ pub enum OptimizeError {
         /// Which start failed.
         stage: &'static str,
     },
-    /// The GPU failed or cannot do it.
+    /// The GPU failed while it solved. The problem holds the state of the checkpoint, or is as it was where there is none.
+    #[cfg(feature = "gpu")]
+    #[error("{error}; {}", what_is_kept(.kept.as_ref()))]
+    Interrupted {
+        /// What happened.
+        error: crate::gpu::GpuError,
+        /// What the problem was left at.
+        kept: Option<crate::bundle::gpu::Checkpoint>,
+    },
+    /// The GPU failed before it began, or cannot do it; the problem is as it was.
     #[cfg(feature = "gpu")]
     #[error(transparent)]
     Gpu(#[from] crate::gpu::GpuError),
+}
+
+#[cfg(feature = "gpu")]
+fn what_is_kept(kept: Option<&crate::bundle::gpu::Checkpoint>) -> String {
+    match kept {
+        None => "the problem is as it was".into(),
+        Some(kept) => format!(
+            "the problem holds the state of iteration {} with cost {:.6e}, resume with a first damping of {:.1e}",
+            kept.iteration, kept.cost, kept.lambda
+        ),
+    }
 }

@@ -69,7 +69,7 @@ impl DeviceEngine {
         if problem.observation_px.len() < self.policy.min_observations {
             return bundle::solve(problem, options, observer);
         }
-        let single = bundle::Options { lm: in_single_precision(&options.lm), ..*options };
+        let mut single = bundle::Options { lm: in_single_precision(&options.lm), ..*options };
         let mut losses = 0;
         while let Some(device) = self.device.clone() {
             match bundle::gpu::solve(&device, problem, &single, observer).await {
@@ -77,7 +77,12 @@ impl DeviceEngine {
                     losses += 1;
                     self.replace(losses, reason, observer).await;
                 }
-                Err(OptimizeError::Gpu(error)) => {
+                Err(OptimizeError::Interrupted { error: GpuError::Lost { reason }, kept }) => {
+                    losses += 1;
+                    single.lm.lambda0 = kept.map_or(single.lm.lambda0, |kept| kept.lambda);
+                    self.replace(losses, reason, observer).await;
+                }
+                Err(OptimizeError::Gpu(error) | OptimizeError::Interrupted { error, .. }) => {
                     self.refused("bundle adjustment", error, observer).await?;
                     break;
                 }

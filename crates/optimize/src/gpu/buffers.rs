@@ -18,8 +18,12 @@ pub struct ReadBack {
     staging: wgpu::Buffer,
 }
 
+/// An answer on its way.
+#[derive(Clone, Debug, Default)]
+pub struct Pending(Arc<Mutex<Answer>>);
+
 /// What `map_async` answered, and who waits for it.
-#[derive(Default)]
+#[derive(Debug, Default)]
 struct Answer {
     result: Option<Result<(), wgpu::BufferAsyncError>>,
     waker: Option<Waker>,
@@ -112,18 +116,10 @@ impl ReadBack {
 
     /// Waits for the commands submitted so far and returns the first `count` values.
     pub async fn get<T: Pod>(&self, device: &Device, count: usize) -> Result<Vec<T>, GpuError> {
-        let answer = Arc::new(Mutex::new(Answer::default()));
-        let setter = answer.clone();
-        self.staging.map_async(wgpu::MapMode::Read, .., move |result| {
-            let mut answer = setter.lock().unwrap_or_else(PoisonError::into_inner);
-            answer.result = Some(result);
-            if let Some(waker) = answer.waker.take() {
-                waker.wake();
-            }
-        });
+        let pending = self.begin();
         device.wait()?;
         let mapped = poll_fn(|context| {
-            let mut answer = answer.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut answer = pending.0.lock().unwrap_or_else(PoisonError::into_inner);
             match answer.result.take() {
                 Some(result) => Poll::Ready(result),
                 None => {
@@ -134,13 +130,56 @@ impl ReadBack {
         });
         let mapped = mapped.await;
         device.check()?;
-        mapped.map_err(|error| GpuError::Lost { reason: error.to_string() })?;
-        let values = {
-            let range = self.staging.get_mapped_range(..);
-            let view = range.map_err(|error| GpuError::Refused { reason: error.to_string() })?;
-            bytemuck::pod_collect_to_vec(&view[..count * size_of::<T>()])
-        };
+        mapped.map_err(lost)?;
+        let values = self.values(0, count);
         self.staging.unmap();
-        Ok(values)
+        values
     }
+
+    /// Asks for what the commands submitted so far have copied here, without waiting for it.
+    pub fn begin(&self) -> Pending {
+        let pending = Pending::default();
+        let setter = pending.0.clone();
+        self.staging.map_async(wgpu::MapMode::Read, .., move |result| {
+            let mut answer = setter.lock().unwrap_or_else(PoisonError::into_inner);
+            answer.result = Some(result);
+            if let Some(waker) = answer.waker.take() {
+                waker.wake();
+            }
+        });
+        pending
+    }
+
+    /// Hands what has arrived to `read`, which takes [`Self::values`] out of it, and makes the read-back ready for the
+    /// next copy.
+    pub fn finish<T>(&self, pending: &Pending, read: impl FnOnce(&Self) -> Result<T, GpuError>) -> Result<T, GpuError> {
+        let mut answer = pending.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let early = || GpuError::Refused { reason: "a read-back was finished before it arrived".into() };
+        answer.result.take().ok_or_else(early)?.map_err(lost)?;
+        let found = read(self);
+        self.staging.unmap();
+        found
+    }
+
+    /// `count` values from an offset in bytes, while they are mapped.
+    pub fn values<T: Pod>(&self, offset: u64, count: usize) -> Result<Vec<T>, GpuError> {
+        if count == 0 {
+            return Ok(Vec::new());
+        }
+        let end = offset + (count * size_of::<T>()) as u64;
+        let range = self.staging.get_mapped_range(offset..end);
+        let view = range.map_err(|error| GpuError::Refused { reason: error.to_string() })?;
+        Ok(bytemuck::pod_collect_to_vec(&view[..]))
+    }
+}
+
+impl Pending {
+    /// Whether the answer is there: values, or that there are none to come.
+    pub fn has_arrived(&self) -> bool {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).result.is_some()
+    }
+}
+
+fn lost(error: wgpu::BufferAsyncError) -> GpuError {
+    GpuError::Lost { reason: error.to_string() }
 }

@@ -19,8 +19,8 @@ pub enum GpuError {
         /// What wgpu said.
         reason: String,
     },
-    /// The device went away: driver reset, unplugged, destroyed. The problem is as it was before the solve.
-    #[error("the GPU device was lost ({reason}); the problem is as it was, solve it on a new device or on the CPU")]
+    /// The device went away: driver reset, unplugged, destroyed.
+    #[error("the GPU device was lost ({reason}); go on with a new device or on the CPU")]
     Lost {
         /// What wgpu said.
         reason: String,

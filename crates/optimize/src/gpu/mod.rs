@@ -14,7 +14,7 @@ mod pipelines;
 pub(crate) mod tests;
 mod variant;
 
-pub use buffers::ReadBack;
+pub use buffers::{Pending, ReadBack};
 pub use device::{Device, Limits};
 pub use error::GpuError;
 pub use pipelines::{Bound, Pipelines, split_groups};

@@ -95,6 +95,18 @@ impl ChunkBuffers {
     pub(super) fn bytes(&self) -> u64 {
         self.named().iter().map(|(_, buffer)| buffer.size()).sum()
     }
+
+    /// Of the arrays with a row for every observation.
+    pub(super) fn observation_bytes(&self) -> u64 {
+        let arrays = [&self.by_point, &self.by_image, &self.image_order, &self.pixels, &self.residuals];
+        arrays.iter().map(|buffer| buffer.size()).sum()
+    }
+
+    /// Of the arrays with a row for every point.
+    pub(super) fn point_bytes(&self) -> u64 {
+        let arrays = [&self.points, &self.tracks, &self.blocks, &self.changes];
+        arrays.iter().map(|buffer| buffer.size()).sum()
+    }
 }
 
 impl Buffers {

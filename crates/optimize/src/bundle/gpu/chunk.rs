@@ -155,10 +155,8 @@ mod tests {
         }
         let runs = split(&problem, ChunkLimits { points: 4, observations: 7 });
         assert_eq!(runs, [0..3, 3..4, 4..8, 8..11]);
-        assert_eq!(split(&problem, ChunkLimits { points: 100, observations: 1000 }), [0..11]);
-        assert!(
-            split(&Problem { track_start: vec![0], ..Problem::default() }, ChunkLimits { points: 1, observations: 1 })
-                .is_empty()
-        );
+        assert_eq!(split(&problem, ChunkLimits { points: 100, observations: 1000 }).len(), 1);
+        let empty = Problem { track_start: vec![0], ..Problem::default() };
+        assert!(split(&empty, ChunkLimits { points: 1, observations: 1 }).is_empty());
     }
 }

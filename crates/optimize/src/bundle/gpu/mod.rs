@@ -6,7 +6,9 @@
 //! left to the CPU: each is an error, not a silent fallback.
 
 mod buffers;
+mod checkpoint;
 mod chunk;
+mod counters;
 mod lattice;
 mod layout;
 mod records;
@@ -17,6 +19,8 @@ mod system;
 mod twin;
 mod write;
 
+pub use checkpoint::Checkpoint;
+pub use counters::{Counters, ResidentBytes};
 pub use residency::Residency;
 pub use system::GpuSystem;
 
@@ -43,8 +47,13 @@ impl Observer for Guard<'_> {
     }
 }
 
-/// Solves on a GPU. The problem is left at the last accepted state, with its cost evaluated in `f64`; where the device
-/// fails on the way the problem is left as it was, and can be solved on another device or on the CPU.
+/// Solves on a GPU. The problem is left at the last accepted state, with its cost evaluated in `f64`.
+///
+/// # Errors
+/// [`OptimizeError::Interrupted`] where the device fails on the way. The problem then holds a state that the solve
+/// accepted, that of the iteration before or of a large problem a few before: solve it again on another device or on the
+/// CPU, with the [`Checkpoint`]'s damping as first damping, and only those are lost. Any other error leaves the problem
+/// as it was.
 pub async fn solve(
     device: &Device,
     problem: &mut Problem,
@@ -66,9 +75,14 @@ pub async fn solve_with(
     let failure = system.failure();
     let mut guard = Guard { inner: observer, failure: failure.clone() };
     let mut report = minimize(&mut system, &options.lm, &mut guard).await;
-    if let Some(error) = failure.borrow().clone() {
-        return Err(error.into());
+    let failed = failure.borrow().clone();
+    let written = match failed {
+        Some(error) => Err(error),
+        None => system.write(problem).await,
+    };
+    match written {
+        Ok(cost) => report.final_cost = cost,
+        Err(error) => return Err(OptimizeError::Interrupted { error, kept: system.rescue(problem) }),
     }
-    report.final_cost = system.write(problem).await?;
     Ok(report)
 }

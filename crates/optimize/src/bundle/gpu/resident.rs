@@ -1,7 +1,10 @@
 //! A problem on a device: its kernels bound to its buffers, chunk by chunk.
 
+use std::cell::Cell;
+
 use super::buffers::{Buffers, ChunkBuffers, ChunkPlace, ROW_ALIGN};
 use super::chunk::Chunk;
+use super::counters::ResidentBytes;
 use super::layout::Layout;
 use super::records::Params;
 use crate::gpu::kernels::{self, Kernel};
@@ -68,12 +71,12 @@ pub(super) struct Resident {
     pub(super) params: Params,
     /// Points, observations, segments and rows of sums of each chunk.
     counts: Vec<[u32; 4]>,
-    /// Rows of sums over points, and of their second stage.
-    pub(super) rows: u64,
+    /// Rows of the second stage of the sums over points; those of the first are `params.point_groups`.
     pub(super) reduced: u64,
     /// Kernels of the whole, and those of each chunk.
     whole: Vec<Ready>,
     by_chunk: Vec<Vec<Ready>>,
+    dispatches: Cell<u64>,
 }
 
 impl Resident {
@@ -133,7 +136,7 @@ impl Resident {
         }
         let of_chunk = |c| bundle().filter(|k| Extent::of(k).is_of_chunk()).map(|k| ready(k, Some(c))).collect();
         let by_chunk = (0..chunks.len()).map(of_chunk).collect::<Result<Vec<Vec<_>>, _>>()?;
-        let resident = Self { buffers, chunks, params, counts, rows, reduced, whole, by_chunk };
+        let resident = Self { buffers, chunks, params, counts, reduced, whole, by_chunk, dispatches: Cell::new(0) };
         resident.write_params(device);
         Ok(resident)
     }
@@ -155,7 +158,7 @@ impl Resident {
     /// Records a kernel over the whole problem.
     pub(super) fn record(&self, encoder: &mut wgpu::CommandEncoder, name: &'static str) -> Result<(), GpuError> {
         match self.whole.iter().find(|r| r.name == name) {
-            Some(ready) => ready.bound.dispatch(encoder, ready.groups),
+            Some(ready) => self.dispatch(encoder, ready),
             None => self.record_by_chunk(encoder, &[name]),
         }
     }
@@ -170,14 +173,32 @@ impl Resident {
             for name in names {
                 let missing = || GpuError::Refused { reason: format!("kernel `{name}` is not bound to chunks") };
                 let ready = chunk.iter().find(|r| r.name == *name).ok_or_else(missing)?;
-                ready.bound.dispatch(encoder, ready.groups)?;
+                self.dispatch(encoder, ready)?;
             }
         }
         Ok(())
     }
 
-    /// Bytes of all buffers, for reports.
-    pub(super) fn bytes(&self) -> u64 {
-        self.buffers.bytes() + self.chunks.iter().map(ChunkBuffers::bytes).sum::<u64>()
+    fn dispatch(&self, encoder: &mut wgpu::CommandEncoder, ready: &Ready) -> Result<(), GpuError> {
+        self.dispatches.set(self.dispatches.get() + u64::from(ready.groups > 0));
+        ready.bound.dispatch(encoder, ready.groups)
+    }
+
+    /// Kernels dispatched so far.
+    pub(super) fn dispatches(&self) -> u64 {
+        self.dispatches.get()
+    }
+
+    /// Bytes of all buffers.
+    pub(super) fn bytes(&self) -> ResidentBytes {
+        let sum = |of: fn(&ChunkBuffers) -> u64| self.chunks.iter().map(of).sum::<u64>();
+        let (observation_bytes, point_bytes) = (sum(ChunkBuffers::observation_bytes), sum(ChunkBuffers::point_bytes));
+        ResidentBytes {
+            observations: u64::from(self.params.observations),
+            observation_bytes,
+            point_bytes,
+            rest_bytes: self.buffers.bytes() + sum(ChunkBuffers::bytes) - observation_bytes - point_bytes,
+            staging_bytes: 0,
+        }
     }
 }

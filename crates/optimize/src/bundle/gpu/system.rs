@@ -1,9 +1,11 @@
 //! The bundle problem resident on a GPU: queues kernels, reads scalars back.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 
 use super::buffers::ROW_BYTES;
+use super::checkpoint::{Checkpoint, Checkpoints};
+use super::counters::{Counters, ResidentBytes};
 use super::layout::Layout;
 use super::records::{Params, loss_words};
 use super::residency::Residency;
@@ -17,11 +19,19 @@ use crate::lm::{Evaluation, Step, System, Trial};
 
 /// Accepted steps between two evaluations of the residuals from scratch (source: `solver.md` §5.5).
 const RESIDUAL_REFRESH: usize = 10;
-/// PCG iterations in one submission: bounds its time on slow devices (source: `solver.md` §2.5).
+/// PCG iterations in one submission at most (source: `solver.md` §2.5).
 const ITERATIONS_PER_SUBMIT: usize = 8;
-/// PCG iterations queued beyond those of the last step, before the host asks whether they were enough; iterations after
-/// the stop cost a few empty dispatches.
+/// Observations times iterations in one submission: at 60 bytes each and the 20 GB/s of a slow device 0.12 s, where
+/// drivers give up after 2 s.
+const WORK_PER_SUBMIT: usize = 40_000_000;
+/// PCG iterations queued beyond those of the last step, before the host asks whether they were enough. Where they were
+/// not, this many more are queued: those after the stop are empty dispatches, cheaper than to ask again.
 const SPARE_ITERATIONS: usize = 4;
+const MORE_ITERATIONS: usize = 100;
+/// Bytes that an observation moves in a product, and products that a step is worth beside those of PCG
+/// (source: `solver.md` §6).
+const PRODUCT_BYTES: f64 = 60.0;
+const FIXED_PRODUCTS: f64 = 6.0;
 /// A trial that would throw more than this share of the observations behind cameras is refused, as on the CPU.
 const MAX_FLIPPED_SHARE: f64 = 0.01;
 /// Bytes of PCG state that are read back.
@@ -45,7 +55,13 @@ pub struct GpuSystem<'a> {
     /// Iterations of the last solve: what to queue for the next.
     expected: usize,
     max_iterations: usize,
-    pub(super) read_backs: usize,
+    /// The LM iteration under way, from 1, and its damping.
+    iteration: usize,
+    lambda: f64,
+    /// Whether a state was accepted and no copy of it asked for yet.
+    is_unsaved: bool,
+    pub(super) checkpoints: Checkpoints,
+    counters: Cell<Counters>,
 }
 
 impl<'a> GpuSystem<'a> {
@@ -82,6 +98,7 @@ impl<'a> GpuSystem<'a> {
         let resident = Resident::new(device, &layout, params)?;
         let rows = resident.reduced;
         let read_back = device.read_back("scalars", STATE_BYTES + 2 * rows * ROW_BYTES)?;
+        let checkpoints = Checkpoints::new(device, &layout)?;
         let none = Evaluation { cost: 0.0, active: 0 };
         Ok(Self {
             device,
@@ -95,7 +112,11 @@ impl<'a> GpuSystem<'a> {
             accepted: 0,
             expected: ITERATIONS_PER_SUBMIT,
             max_iterations: pcg.max_iterations,
-            read_backs: 0,
+            iteration: 0,
+            lambda: 0.0,
+            is_unsaved: false,
+            checkpoints,
+            counters: Cell::default(),
         })
     }
 
@@ -104,8 +125,24 @@ impl<'a> GpuSystem<'a> {
     }
 
     /// Bytes on the device.
-    pub fn resident_bytes(&self) -> u64 {
-        self.resident.bytes()
+    pub fn resident_bytes(&self) -> ResidentBytes {
+        ResidentBytes { staging_bytes: self.checkpoints.bytes(), ..self.resident.bytes() }
+    }
+
+    /// What has been asked of the device so far.
+    pub fn counters(&self) -> Counters {
+        Counters { dispatches: self.resident.dispatches(), ..self.counters.get() }
+    }
+
+    fn count(&self, change: impl FnOnce(&mut Counters)) {
+        let mut counters = self.counters.get();
+        change(&mut counters);
+        self.counters.set(counters);
+    }
+
+    fn submit(&self, encoder: wgpu::CommandEncoder) {
+        self.count(|c| c.submissions += 1);
+        self.device.submit(encoder);
     }
 
     pub(super) fn failure(&self) -> Failure {
@@ -133,8 +170,8 @@ impl<'a> GpuSystem<'a> {
         resident.record(&mut encoder, "reduce trial")?;
         let bytes = resident.reduced * ROW_BYTES;
         self.read_back.copy(&mut encoder, &resident.buffers.trial_reduced, 0, 0, bytes);
-        self.device.submit(encoder);
-        self.read_backs += 1;
+        self.submit(encoder);
+        self.count(|c| c.read_backs += 1);
         let rows: Vec<[f32; 8]> = self.read_back.get(self.device, resident.reduced as usize).await?;
         let totals = Self::totals(&rows);
         Ok(Evaluation { cost: 0.5 * totals[1], active: totals[3] as usize })
@@ -147,7 +184,7 @@ impl<'a> GpuSystem<'a> {
         resident.record(&mut encoder, "linearize_point")?;
         resident.record(&mut encoder, "linearize_camera")?;
         resident.record(&mut encoder, "scale_camera")?;
-        self.device.submit(encoder);
+        self.submit(encoder);
         self.device.check()
     }
 
@@ -160,23 +197,29 @@ impl<'a> GpuSystem<'a> {
         resident.record(&mut encoder, "precondition_camera")?;
         resident.record(&mut encoder, "precondition_factor")?;
         resident.record(&mut encoder, "pcg_start")?;
-        self.device.submit(encoder);
+        self.submit(encoder);
         Ok(())
     }
 
     fn queue_iterations(&self, count: usize) -> Result<(), GpuError> {
         let resident = &self.resident;
+        let bearable = WORK_PER_SUBMIT / (resident.params.observations as usize).max(1);
+        let before = resident.dispatches();
         let mut left = count;
         while left > 0 {
-            let batch = left.min(ITERATIONS_PER_SUBMIT);
+            let batch = left.min(bearable.clamp(1, ITERATIONS_PER_SUBMIT));
             let mut encoder = self.device.encoder();
             for _ in 0..batch {
                 resident.record_by_chunk(&mut encoder, &["product_point", "product_camera"])?;
                 resident.record(&mut encoder, "pcg_step")?;
             }
-            self.device.submit(encoder);
+            self.submit(encoder);
             left -= batch;
         }
+        self.count(|c| {
+            c.pcg_iterations += count as u64;
+            c.pcg_dispatches += resident.dispatches() - before;
+        });
         Ok(())
     }
 
@@ -196,7 +239,7 @@ impl<'a> GpuSystem<'a> {
         self.read_back.copy(&mut encoder, &buffers.vectors, 0, 0, STATE_BYTES);
         self.read_back.copy(&mut encoder, &buffers.step_reduced, 0, STATE_BYTES, bytes);
         self.read_back.copy(&mut encoder, &buffers.trial_reduced, 0, STATE_BYTES + bytes, bytes);
-        self.device.submit(encoder);
+        self.submit(encoder);
         Ok(())
     }
 
@@ -205,16 +248,20 @@ impl<'a> GpuSystem<'a> {
         let rows = self.resident.reduced as usize;
         let mut queued = 0;
         loop {
-            let batch = if queued == 0 { self.expected + SPARE_ITERATIONS } else { 2 * ITERATIONS_PER_SUBMIT };
+            let first = (self.expected + SPARE_ITERATIONS).min(self.max_iterations);
+            let batch = if queued == 0 { first } else { (self.max_iterations - queued).min(MORE_ITERATIONS) };
             self.queue_iterations(batch)?;
             queued += batch;
             self.queue_trial()?;
-            self.read_backs += 1;
+            self.count(|c| c.read_backs += 1);
             let read: Vec<[f32; 8]> = self.read_back.get(self.device, 1 + 2 * rows).await?;
             let [iterations, done, _, improved, length, largest, ..] = read[0].map(f64::from);
             if done == 0.0 && queued < self.max_iterations {
                 continue;
             }
+            self.checkpoints.harvest(&self.layout)?;
+            self.checkpoints
+                .earn(PRODUCT_BYTES * f64::from(self.resident.params.observations) * (iterations + FIXED_PRODUCTS));
             self.expected = iterations as usize;
             let step = Self::totals(&read[1..=rows]);
             let trial = Self::totals(&read[1 + rows..]);
@@ -237,19 +284,38 @@ impl<'a> GpuSystem<'a> {
         let mut encoder = self.device.encoder();
         resident.record(&mut encoder, "commit_camera")?;
         resident.record(&mut encoder, "commit_point")?;
-        self.device.submit(encoder);
+        self.submit(encoder);
         self.device.check()
+    }
+}
+
+impl GpuSystem<'_> {
+    /// Sends a copy of the accepted state to the host; nothing waits for it.
+    fn keep_state(&mut self, cost: f64) {
+        if self.checkpoints.is_due() {
+            let state = Checkpoint { iteration: self.iteration, cost, lambda: self.lambda };
+            self.checkpoints.start(self.device, &self.layout, &self.resident, state);
+            self.count(|c| {
+                c.submissions += 1;
+                c.checkpoints += 1;
+            });
+        }
     }
 }
 
 impl System for GpuSystem<'_> {
     async fn refresh(&mut self) -> Evaluation {
-        if let Some(evaluation) = self.evaluation {
-            return evaluation;
-        }
-        let evaluation = self.evaluate().await;
-        let evaluation = self.kept(evaluation).unwrap_or(self.after);
+        let evaluation = match self.evaluation {
+            Some(evaluation) => evaluation,
+            None => {
+                let evaluation = self.evaluate().await;
+                self.kept(evaluation).unwrap_or(self.after)
+            }
+        };
         self.evaluation = Some(evaluation);
+        if std::mem::take(&mut self.is_unsaved) && self.failure.borrow().is_none() {
+            self.keep_state(evaluation.cost);
+        }
         evaluation
     }
 
@@ -262,6 +328,8 @@ impl System for GpuSystem<'_> {
         if self.failure.borrow().is_some() {
             return None;
         }
+        (self.iteration, self.lambda) = (self.iteration + 1, lambda);
+        self.count(|c| c.steps += 1);
         let step = self.compute_step(lambda).await;
         self.kept(step).flatten()
     }
@@ -276,6 +344,7 @@ impl System for GpuSystem<'_> {
             // From scratch now and then: the next refresh asks the device.
             let due = self.accepted.is_multiple_of(RESIDUAL_REFRESH);
             self.evaluation = (!due).then_some(self.after);
+            self.is_unsaved = true;
         }
     }
 

@@ -4,6 +4,7 @@ use epipole_geometry::Rigid3;
 use epipole_geometry::camera::project;
 use glam::{DMat3, DQuat, DVec3};
 
+use super::checkpoint::{Checkpoint, Snapshot};
 use super::chunk::Chunk;
 use super::records::{Intrinsics, OUT, Point, View, param_slots};
 use super::system::GpuSystem;
@@ -11,16 +12,44 @@ use crate::bundle::problem::{PoseFreedom, Problem};
 use crate::gpu::GpuError;
 
 impl GpuSystem<'_> {
-    /// Writes the accepted state back, and returns its cost evaluated from the written values in `f64`.
+    /// Writes the accepted state back, and returns its cost evaluated from the written values in `f64`. Where that fails
+    /// the problem is as it was.
     pub async fn write(&self, problem: &mut Problem) -> Result<f64, GpuError> {
-        let (device, buffers) = (self.device(), &self.resident.buffers);
-        let views: Vec<View> = device.download(&buffers.views, problem.cam_from_world.len()).await?;
-        let intrinsics: Vec<Intrinsics> = device.download(&buffers.intrinsics, problem.cameras.len()).await?;
-        self.write_cameras(problem, &views, &intrinsics);
+        let state = self.download_state().await?;
+        let before = problem.clone();
+        self.write_state(problem, &state);
+        let cost = self.written_cost(problem).await;
+        if cost.is_err() {
+            *problem = before;
+        }
+        cost
+    }
+
+    /// After a failure: the last state that reached the host, if any did.
+    pub(super) fn rescue(&self, problem: &mut Problem) -> Option<Checkpoint> {
+        let (checkpoint, state) = self.checkpoints.last()?;
+        self.write_state(problem, state);
+        Some(*checkpoint)
+    }
+
+    async fn download_state(&self) -> Result<Snapshot, GpuError> {
+        let (device, buffers, layout) = (self.device(), &self.resident.buffers, &self.layout);
+        let mut points = Vec::with_capacity(layout.chunks.len());
+        for (chunk, buffers) in layout.chunks.iter().zip(&self.resident.chunks) {
+            points.push(device.download(&buffers.points, chunk.points.len()).await?);
+        }
+        Ok(Snapshot {
+            views: device.download(&buffers.views, layout.views.len()).await?,
+            intrinsics: device.download(&buffers.intrinsics, layout.intrinsics.len()).await?,
+            points,
+        })
+    }
+
+    /// The cost of a problem that holds the accepted state, in `f64`.
+    async fn written_cost(&self, problem: &Problem) -> Result<f64, GpuError> {
+        let device = self.device();
         let mut sum = 0.0;
         for (chunk, buffers) in self.layout.chunks.iter().zip(&self.resident.chunks) {
-            let points: Vec<Point> = device.download(&buffers.points, chunk.points.len()).await?;
-            self.write_points(problem, chunk, &points);
             let residuals: Vec<[f32; 4]> = device.download(&buffers.residuals, chunk.by_point.len()).await?;
             let by_point: Vec<[u32; 2]> = device.download(&buffers.by_point, chunk.by_point.len()).await?;
             for (p, track) in chunk.tracks.windows(2).enumerate() {
@@ -49,6 +78,13 @@ impl GpuSystem<'_> {
         let [x, y] = project(camera.model, &camera.params, q.to_array())?;
         let px = px.map(f64::from);
         Some((x - px[0]).powi(2) + (y - px[1]).powi(2))
+    }
+
+    fn write_state(&self, problem: &mut Problem, state: &Snapshot) {
+        self.write_cameras(problem, &state.views, &state.intrinsics);
+        for (chunk, points) in self.layout.chunks.iter().zip(&state.points) {
+            self.write_points(problem, chunk, points);
+        }
     }
 
     fn write_cameras(&self, problem: &mut Problem, views: &[View], intrinsics: &[Intrinsics]) {

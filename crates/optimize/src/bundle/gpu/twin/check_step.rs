@@ -80,7 +80,7 @@ pub(super) fn check_trial(bench: &Bench<'_>) {
     let ((t, t_sums), (e, e_sums)) = (twin.back_substitute(), exact.back_substitute());
     let found: Vec<f32> = after.points.iter().flat_map(|p| p.s).collect();
     compare("back_substitute", &found, flat(&t), flat(&e));
-    let sums = bench.words(&buffers.step_sums, 8 * resident.rows as usize);
+    let sums = bench.words(&buffers.step_sums, 8 * resident.params.point_groups as usize);
     compare("its sums", sums.chunks(8).flat_map(|row| &row[..2]), flat(&t_sums), flat(&e_sums));
 
     bench.run("change_point");
@@ -92,7 +92,7 @@ pub(super) fn check_trial(bench: &Bench<'_>) {
     let ((t, t_sums), (e, e_sums)) = (twin.trial(), exact.trial());
     let found: Vec<f32> = after.residuals.iter().flat_map(|r| [r[2], r[3]]).collect();
     compare("trial", &found, flat(&t), flat(&e));
-    let sums = bench.words(&buffers.trial_sums, 8 * resident.rows as usize);
+    let sums = bench.words(&buffers.trial_sums, 8 * resident.params.point_groups as usize);
     compare("its sums", sums.chunks(8).flat_map(|row| &row[..2]), flat(&t_sums), flat(&e_sums));
 
     bench.run("commit_camera");

@@ -106,7 +106,7 @@ impl<N: Num> State<N> {
                 .chunks_exact(16)
                 .map(|w| std::array::from_fn(|k| real(w[k])))
                 .collect(),
-            product_sums: words(&buffers.product_sums, 8 * resident.rows as usize)
+            product_sums: words(&buffers.product_sums, 8 * resident.params.point_groups as usize)
                 .chunks_exact(8)
                 .map(|w| std::array::from_fn(|k| real(w[k])))
                 .collect(),
