@@ -164,6 +164,9 @@ const GAIN_CLIP: f64 = 1.5;
 /// A promise below this share of the tolerance is as good as convergence: only rounding is left to gain.
 const NEGLIGIBLE: f64 = 1e-2;
 
+/// A fall of the cost by more than this share, most of it not the step's, is no rounding in `f32`.
+const SET_CHANGE: f64 = 1e-6;
+
 /// Minimises the cost of a system. Damping by Nielsen (1999), as in Ceres: an accepted step divides it by up to 3, each
 /// refused one multiplies it by 2, 4, 8, …
 pub async fn minimize<S: System>(system: &mut S, options: &LmOptions, observer: &mut dyn Observer) -> LmReport {
@@ -231,7 +234,13 @@ pub async fn minimize<S: System>(system: &mut S, options: &LmOptions, observer: 
             let cubic = 1.0 - (2.0 * record.gain.min(GAIN_CLIP) - 1.0).powi(3);
             lambda = (lambda * cubic.max(1.0 / 3.0)).max(options.lambda_min);
             factor = 2.0;
-            let small = decrease <= options.relative_decrease_tolerance * before;
+            // Where the set of observations changed the cost falls by more than the step alone gave: a new problem.
+            let changed = before - state.cost > options.relative_decrease_tolerance.max(SET_CHANGE) * before
+                && decrease <= 0.5 * (before - state.cost);
+            if changed {
+                end = None;
+            }
+            let small = !changed && decrease <= options.relative_decrease_tolerance * before;
             small_decreases = if small { small_decreases + 1 } else { 0 };
             if small_decreases >= options.small_decreases {
                 end = end.or(Some(Termination::CostConverged));

@@ -175,7 +175,8 @@ fn constant_points_or_constant_cameras_are_solved_too() {
 
 #[test]
 fn the_objective_never_rises_with_points_behind_cameras() {
-    for activation in [Activation::ValidAtStart, Activation::Truncated { residual_limit_px: 60.0 }] {
+    for activation in [Activation::ValidAtStart, Activation::Truncated { residual_limit_px: 60.0 }, Activation::DYNAMIC]
+    {
         let mut problem = ring(&Scene { points: 200, ..Scene::default() });
         perturb(&mut problem, 1.0, 0.05, 3);
         // Some points behind the cameras, some in the middle of a camera, some observations far off.

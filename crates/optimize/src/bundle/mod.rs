@@ -4,6 +4,7 @@
 //! in `f64`, or solved by PCG without forming it, whichever is estimated to be faster. The gauge is free.
 
 pub mod cpu;
+mod frustum;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 mod options;

@@ -2,6 +2,8 @@
 
 #![allow(dead_code, unreachable_pub)]
 
+pub mod extraction;
+
 // The synthesiser's own files: a dependency on its package would bring a database into every test of this one.
 #[path = "../../../../tests/src/synth/random.rs"]
 mod random;

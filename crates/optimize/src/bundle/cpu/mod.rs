@@ -12,6 +12,7 @@ mod point_block;
 mod points_only;
 mod projection;
 mod reduced_solver;
+mod revive;
 mod small;
 mod state;
 mod structure;

@@ -3,10 +3,11 @@
 use super::depth_limits::DepthLimits;
 use super::linearization::PointGroups;
 use super::point_block::{column_norms_squared, damp, fold_row, has_full_rank, solve_normal};
+use super::revive::{Revival, Whom};
 use super::small::{Vec3, add, rotate, row_times, sub};
-use super::state::{Cameras, Lattice};
+use super::state::{Cameras, Lattice, Points};
 use super::structure::Structure;
-use super::trial::residual;
+use super::trial::{evaluate, residual};
 use crate::active::{Activation, ActiveSet};
 use crate::bundle::options::Options;
 use crate::bundle::problem::Problem;
@@ -34,22 +35,61 @@ struct Outcome {
     active: usize,
 }
 
+/// Where the points begin.
+struct Start {
+    points: Points<f64>,
+    /// What holds for each point alone: a dynamic limit is one for all, and fixed once points are triangulated again.
+    activation: Activation,
+    /// The cost before points were triangulated again.
+    cost: Option<f64>,
+}
+
+fn start(
+    problem: &Problem,
+    activation: Activation,
+    structure: &Structure,
+    cameras: &Cameras<f64>,
+    depths: &DepthLimits,
+) -> Start {
+    let (lattice, loss) = (Lattice { cell: 0.0 }, problem.loss);
+    let mut points = Points::<f64>::new(problem, &lattice);
+    let mut set = ActiveSet::new(activation, loss, structure.image.len());
+    if !set.is_dynamic() {
+        return Start { points, activation, cost: None };
+    }
+    let mut residuals = vec![[0.0; 2]; structure.image.len()];
+    evaluate(structure, &lattice, cameras, &points, depths, &mut residuals);
+    let square = |r: &[f64; 2]| r[0] * r[0] + r[1] * r[1];
+    let enters = |residuals: &[[f64; 2]], o: usize| {
+        let px = std::array::from_fn(|k| structure.px[o][k] + residuals[o][k]);
+        depths.frusta.contains(structure.image[o] as usize, px)
+    };
+    let before = residuals.clone();
+    set.lower_limit(|o| square(&residuals[o]), |o| enters(&residuals, o));
+    Revival::new(structure, &lattice, cameras, depths, &set, loss).run(Whom::Incomplete, &mut points, &mut residuals);
+    set.lower_limit(|o| square(&residuals[o]), |o| enters(&residuals, o));
+    let residual_limit_px = set.limit_px();
+    let cost = set.update(|o| loss.value(square(&before[o])), |_| f64::NAN, |o| enters(&before, o));
+    Start { points, activation: Activation::Truncated { residual_limit_px }, cost: Some(cost) }
+}
+
 /// Moves every point to the least cost it can reach. The problem must be valid.
 pub(crate) fn solve_points(problem: &mut Problem, options: &Options, observer: &mut dyn Observer) -> LmReport {
     let structure = Structure::new(problem);
     let lattice = Lattice { cell: 0.0 };
     let cameras = Cameras::<f64>::new(problem, &lattice);
-    let depths = DepthLimits::new(problem, &structure, options.activation);
+    let depths = DepthLimits::new(problem, options.activation);
+    let start = start(problem, options.activation, &structure, &cameras, &depths);
     let context = Context {
         structure: &structure,
         cameras: &cameras,
         depths: &depths,
         loss: problem.loss,
-        activation: options.activation,
+        activation: start.activation,
         lm: &options.lm,
     };
     let mut outcomes: Vec<Outcome> =
-        problem.points.iter().map(|p| Outcome { position: p.to_array(), ..Outcome::default() }).collect();
+        start.points.offset.iter().map(|&position| Outcome { position, ..Outcome::default() }).collect();
     let groups = PointGroups::new(&structure);
     let mut pieces = parallel::split_mut(&mut outcomes, &groups.points);
     let stop = observer.should_stop();
@@ -61,12 +101,10 @@ pub(crate) fn solve_points(problem: &mut Problem, options: &Options, observer: &
     let sum = |f: fn(&Outcome) -> f64| outcomes.iter().map(f).sum::<f64>();
     let count = |f: fn(&Outcome) -> usize| outcomes.iter().map(f).sum::<usize>();
     let iterations = outcomes.iter().map(|o| o.iterations).max().unwrap_or(0);
-    let (initial_cost, final_cost) = (sum(|o| o.initial_cost), sum(|o| o.final_cost));
+    let (initial_cost, final_cost) = (start.cost.unwrap_or_else(|| sum(|o| o.initial_cost)), sum(|o| o.final_cost));
     let (accepted, active) = (count(|o| o.accepted), count(|o| o.active));
     for (position, outcome) in problem.points.iter_mut().zip(&outcomes) {
-        if outcome.accepted > 0 {
-            *position = outcome.position.into();
-        }
+        *position = outcome.position.into();
     }
     let termination = match (stop, active == 0 || problem.fixed_points) {
         (true, _) => Termination::Stopped,
@@ -103,7 +141,12 @@ impl Context<'_> {
         let mut set = ActiveSet::new(self.activation, self.loss, track.len());
         let mut residuals = self.residuals(p, &outcome.position);
         let rho = |r: &[f64; 2]| self.loss.value(r[0] * r[0] + r[1] * r[1]);
-        let mut cost = set.update(|k| rho(&residuals[k]), |_| f64::NAN);
+        let enters = |residuals: &[[f64; 2]], k: usize| {
+            let o = track.start + k;
+            let px = std::array::from_fn(|n| self.structure.px[o][n] + residuals[k][n]);
+            self.depths.frusta.contains(self.structure.image[o] as usize, px)
+        };
+        let mut cost = set.update(|k| rho(&residuals[k]), |_| f64::NAN, |k| enters(&residuals, k));
         (outcome.initial_cost, outcome.final_cost, outcome.active) = (cost, cost, set.count());
         if self.structure.fixed_points || stop {
             return;
@@ -132,7 +175,7 @@ impl Context<'_> {
                 outcome.accepted += 1;
                 outcome.position = next;
                 let before = cost;
-                cost = set.update(|k| rho(&after[k]), |k| rho(&residuals[k]));
+                cost = set.update(|k| rho(&after[k]), |k| rho(&residuals[k]), |k| enters(&after, k));
                 residuals = after;
                 small = if -0.5 * change <= self.lm.relative_decrease_tolerance * before { small + 1 } else { 0 };
                 lambda = (lambda * (1.0 - (2.0 * gain.min(1.5) - 1.0).powi(3)).max(1.0 / 3.0)).max(self.lm.lambda_min);

@@ -99,7 +99,7 @@ impl Lattice {
         add(&cells, &local)
     }
 
-    fn position<T: Real>(&self, cell: &[i32; 3], offset: &Vec3<T>) -> DVec3 {
+    pub(super) fn position<T: Real>(&self, cell: &[i32; 3], offset: &Vec3<T>) -> DVec3 {
         DVec3::from_array(to_f64(*offset)) + self.cell * DVec3::from_array(cell.map(f64::from))
     }
 }
@@ -214,6 +214,20 @@ impl<T: Real> Points<T> {
 
     pub(super) fn position(&self, point: usize, lattice: &Lattice) -> DVec3 {
         lattice.position(self.cell(point), &self.offset[point])
+    }
+
+    /// Whether a position is near enough to have a cell.
+    pub(super) fn can_hold(&self, position: &Vec3<f64>, lattice: &Lattice) -> bool {
+        lattice.cell == 0.0 || position.iter().all(|v| (v / lattice.cell).abs() < f64::from(1 << 22))
+    }
+
+    /// Puts a point somewhere else.
+    pub(super) fn place(&mut self, point: usize, position: DVec3, lattice: &Lattice) {
+        let (cell, offset) = lattice.anchor(position);
+        self.offset[point] = offset;
+        if let Some(slot) = self.cell.get_mut(point) {
+            *slot = cell;
+        }
     }
 
     /// Moves points that left their cell to the cell they are in; exact, as cells are powers of two.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use epipole_geometry::camera::{CameraFamily, CameraModel};
+use epipole_geometry::camera::CameraModel;
 
 use crate::bundle::problem::{PoseFreedom, Problem};
 use crate::grouping::group;
@@ -97,11 +97,6 @@ impl Structure {
     /// Whether the intrinsics of an image's camera are part of the image's own block.
     pub(super) fn owns_params(&self, image: usize) -> bool {
         self.param_slot[self.camera[image] as usize].block == image
-    }
-
-    /// Whether the model has a half space it cannot see, so that depth decides validity.
-    pub(super) fn has_depth(&self, image: usize) -> bool {
-        self.model[self.camera[image] as usize].family() != CameraFamily::Spherical
     }
 
     /// Blocks per point: the images' (ascending, as tracks are sorted), then the shared cameras'. Where points are

@@ -9,11 +9,13 @@ use super::elimination::{DampedPoint, damp_points};
 use super::linearization::Linearization;
 use super::normal::CameraNormal;
 use super::reduced_solver::ReducedSolver;
+use super::revive::{Revival, Whom};
 use super::small::Vec3;
 use super::state::{Cameras, Lattice, Points};
 use super::structure::Structure;
 use super::trial::{Move, evaluate, try_move};
 use crate::active::ActiveSet;
+use crate::bundle::frustum::Frusta;
 use crate::bundle::options::Options;
 use crate::bundle::problem::{ParamPrior, Problem};
 use crate::error::OptimizeError;
@@ -55,6 +57,8 @@ pub struct CpuSystem<T: Real> {
     /// See [`NEAR`].
     radial_floor: f64,
     last_cost: f64,
+    /// Steps in a row that gained less than [`NEAR`].
+    near_steps: usize,
     /// A refused step: the model promises too much, stay with weights alone.
     refused: bool,
     camera_step: Vec<f64>,
@@ -68,7 +72,7 @@ impl<T: Real> CpuSystem<T> {
         let lattice = Lattice::new::<T>(problem, &structure);
         let cameras = Cameras::new(problem, &lattice);
         let points = Points::new(problem, &lattice);
-        let depths = DepthLimits::new(problem, &structure, options.activation);
+        let depths = DepthLimits::new(problem, options.activation);
         let observations = structure.image.len();
         let mut residual = vec![[T::ZERO; 2]; observations];
         evaluate(&structure, &lattice, &cameras, &points, &depths, &mut residual);
@@ -87,6 +91,7 @@ impl<T: Real> CpuSystem<T> {
             accepted: 0,
             radial_floor: 1.0,
             last_cost: f64::INFINITY,
+            near_steps: 0,
             refused: false,
             camera_step: Vec::new(),
             structure,
@@ -110,14 +115,41 @@ impl<T: Real> CpuSystem<T> {
         self.active.cost(rho) + prior_cost(&self.priors, &cameras.params, &self.structure)
     }
 
+    /// Says which images do not see which points for the time being, whatever the geometry says: `hides(image, point)`,
+    /// in force from the next refresh.
+    pub fn occlude(&mut self, hides: impl Fn(usize, usize) -> bool) {
+        let pairs = self.structure.image.iter().zip(&self.structure.point);
+        self.active.occlude(pairs.map(|(&i, &p)| hides(i as usize, p as usize)).collect());
+    }
+
+    /// The part of dynamic extraction that moves points and the limit, before the set is decided. Lowers F or leaves it.
+    fn extract(&mut self) {
+        let (structure, frusta, residual) = (&self.structure, &self.depths.frusta, &self.residual);
+        self.active.lower_limit(|o| square(&residual[o]), |o| enters(structure, frusta, residual, o));
+        let revival = Revival::new(structure, &self.lattice, &self.cameras, &self.depths, &self.active, self.loss);
+        // Far from the optimum a missing observation is nothing to worry about; near it, each look costs as much as a step.
+        let whom = if self.near_steps.is_power_of_two() { Whom::Incomplete } else { Whom::Poor };
+        revival.run(whom, &mut self.points, &mut self.residual);
+    }
+
     fn prior_cost(&self, cameras: &Cameras<T>) -> f64 {
         prior_cost(&self.priors, &cameras.params, &self.structure)
     }
 
     /// `ρ` of an observation's residual.
     fn rho(loss: Loss, residual: &[T; 2]) -> f64 {
-        loss.value((residual[0] * residual[0] + residual[1] * residual[1]).to_f64())
+        loss.value(square(residual))
     }
+}
+
+fn square<T: Real>(residual: &[T; 2]) -> f64 {
+    (residual[0] * residual[0] + residual[1] * residual[1]).to_f64()
+}
+
+/// Whether an observation's projection lies inside its frustum.
+fn enters<T: Real>(structure: &Structure, frusta: &Frusta, residual: &[[T; 2]], o: usize) -> bool {
+    let px = std::array::from_fn(|k| structure.px[o][k] + residual[o][k].to_f64());
+    frusta.contains(structure.image[o] as usize, px)
 }
 
 /// `½ Σ ((p − mean)/σ)²` over priors on parameters that may move.
@@ -133,10 +165,20 @@ fn prior_cost(priors: &[Vec<ParamPrior>], params: &[[f64; MAX_PARAMS]], structur
 
 impl<T: Real> System for CpuSystem<T> {
     async fn refresh(&mut self) -> Evaluation {
+        if self.active.is_dynamic() {
+            self.extract();
+        }
         let (residual, before, loss) = (&self.residual, &self.next_residual, self.loss);
-        let cost = self.active.update(|o| Self::rho(loss, &residual[o]), |o| Self::rho(loss, &before[o]));
+        let (structure, frusta) = (&self.structure, &self.depths.frusta);
+        let cost = self.active.update(
+            |o| Self::rho(loss, &residual[o]),
+            |o| Self::rho(loss, &before[o]),
+            |o| enters(structure, frusta, residual, o),
+        );
         let cost = cost + self.prior_cost(&self.cameras);
-        self.radial_floor = if self.last_cost - cost < NEAR * cost && !self.refused { RADIAL_FLOOR } else { 1.0 };
+        let near = self.last_cost - cost < NEAR * cost;
+        self.near_steps = if near { self.near_steps + 1 } else { 0 };
+        self.radial_floor = if near && !self.refused { RADIAL_FLOOR } else { 1.0 };
         self.last_cost = cost;
         Evaluation { cost, active: self.active.count() }
     }

@@ -81,7 +81,7 @@ impl<'a> GpuSystem<'a> {
         let check_depth = match options.activation {
             Activation::ValidAtStart => true,
             Activation::All => false,
-            Activation::Truncated { .. } => {
+            Activation::Truncated { .. } | Activation::Dynamic { .. } => {
                 return Err(GpuError::Unsupported { what: "the truncated objective" }.into());
             }
         };
