@@ -1,4 +1,4 @@
-//! One linearised observation, and the two ways a residual becomes one.
+//! One linearised observation, and the ways a residual becomes one.
 
 use epipole_geometry::camera::Real;
 
@@ -114,4 +114,23 @@ pub(crate) fn held<T: Real>(ray: Vec3<T>, weight: T, s: T, d: Vec3<T>, loss: Los
     let (rho, robust) = evaluate(loss, dot(u, u));
     let w = weight * robust;
     (Block { direction: zero(), scale: w.sqrt() * s, gradient: scale(u, -(w * s)) }, weight * rho)
+}
+
+/// The reweighted observation of least unsquared deviations, `ω ‖d − ℓ v‖` with the best length `ℓ = max(bound, vᵀd)`
+/// of a free ray, and its cost. A length at the bound is held.
+#[inline(always)]
+pub(crate) fn deviation<T: Real>(ray: Vec3<T>, weight: T, pin: T, d: Vec3<T>, bound: T, delta: T) -> (Block<T>, T) {
+    let along = dot(ray, d);
+    let (length, free) = if pin > T::ZERO {
+        (T::ONE / pin, false)
+    } else if along > bound {
+        (along, true)
+    } else {
+        (bound, false)
+    };
+    let r = sub(d, scale(ray, length));
+    let deviation = dot(r, r).sqrt();
+    let w = weight / deviation.max(delta);
+    let direction = if free { ray } else { zero() };
+    (Block { direction, scale: w.sqrt(), gradient: scale(r, w) }, weight * deviation)
 }

@@ -5,6 +5,7 @@
 //! second convex start (LUD) and the removal of the worst observations are tried.
 //! (`reference/solver.md` §3, `reference/global-positioning.md`.)
 
+mod backend;
 mod block;
 mod convex;
 mod cpu;

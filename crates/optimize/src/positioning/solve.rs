@@ -3,8 +3,9 @@
 use epipole_geometry::camera::Real;
 use glam::DVec3;
 
-use super::convex::{ConvexReport, first_start, lud_start};
-use super::cpu::System;
+use super::backend::Backend;
+use super::convex::{ConvexReport, equal_scales, lud, unit};
+use super::cpu::Cpu;
 use super::gauge::{Positions, median};
 use super::layout::{Layout, Rays};
 use super::options::Options;
@@ -14,7 +15,7 @@ use super::report::{Attempt, Report, Start, Warning};
 use super::vec3::to_dvec3;
 use crate::error::OptimizeError;
 use crate::executor::block_on;
-use crate::lm::{self, Observer, Termination};
+use crate::lm::{Observer, Termination};
 
 /// A clipped attempt leaves out observations beyond this angle or beyond this multiple of the median, whichever is
 /// larger, and then points with fewer observations than this (`global-positioning.md` §4).
@@ -49,15 +50,36 @@ pub fn solve_with<T: Real>(
     problem.validate()?;
     let layout = Layout::new(problem, None)?;
     let rays = Rays::<T>::new(problem, &layout);
-    let mut candidates = vec![attempt(&layout, &rays, Start::EqualScales, options, observer)?];
+    let mut backend = Cpu::new(&layout, &rays, options.linear_solver);
+    let (report, positions) = block_on(solve_on(&mut backend, &layout, &rays, options, observer))?;
+    Ok(finish(problem, &layout, report, &positions))
+}
+
+/// What a solve found before it is written back: the attempts, which one counts, and the final fit of the scale.
+pub(crate) struct Outcome {
+    attempts: Vec<Attempt>,
+    chosen: usize,
+    metric_scale_correction: Option<f64>,
+}
+
+/// Start, variable projection and retries, on any backend. `rays` are those that the backend began with.
+pub(crate) async fn solve_on<B: Backend>(
+    backend: &mut B,
+    layout: &Layout,
+    rays: &Rays<B::Scalar>,
+    options: &Options,
+    observer: &mut dyn Observer,
+) -> Result<(Outcome, Positions<B::Scalar>), OptimizeError> {
+    let mut run = Run { backend, layout, rays, options };
+    let mut candidates = vec![run.attempt(Start::EqualScales, observer).await?];
     let mut chosen = 0;
     if options.retry && candidates[0].0.quality.grade() == Grade::Suspicious && !observer.should_stop() {
-        candidates.push(attempt(&layout, &rays, Start::Lud, options, observer)?);
+        candidates.push(run.attempt(Start::Lud, observer).await?);
         if candidates[1].0.lm.final_cost < candidates[0].0.lm.final_cost {
             chosen = 1;
         }
         if candidates[chosen].0.quality.grade() == Grade::Suspicious && !observer.should_stop() {
-            let clipped = clip(&layout, &rays, candidates[chosen].1.clone(), options, observer)?;
+            let clipped = run.clip(&candidates[chosen].1, observer).await?;
             // Costs over different observations do not compare; the share of all rays that agree does.
             let better = clipped.0.quality.agreeing_share > candidates[chosen].0.quality.agreeing_share;
             candidates.push(clipped);
@@ -67,75 +89,92 @@ pub fn solve_with<T: Real>(
         }
     }
     let mut positions = candidates[chosen].1.clone();
-    let metric_scale_correction = rays.metric.then(|| fit_scale(&layout, &rays, &mut positions));
-    let attempts: Vec<Attempt> = candidates.into_iter().map(|(attempt, _)| attempt).collect();
-    let (single_view_points, unseen_points) = write_back(problem, &layout, &positions);
+    let metric_scale_correction = rays.metric.then(|| fit_scale(layout, rays, &mut positions));
+    let attempts = candidates.into_iter().map(|(attempt, _)| attempt).collect();
+    Ok((Outcome { attempts, chosen, metric_scale_correction }, positions))
+}
+
+/// Writes the answer into the problem and reports on it.
+pub(crate) fn finish<T: Real>(
+    problem: &mut Problem,
+    layout: &Layout,
+    outcome: Outcome,
+    positions: &Positions<T>,
+) -> Report {
+    let (single_view_points, unseen_points) = write_back(problem, layout, positions);
     let mut report = Report {
-        attempts,
-        chosen,
+        attempts: outcome.attempts,
+        chosen: outcome.chosen,
         observations: layout.observations(),
-        components: components(&layout),
-        unplaced_images: unplaced(problem, &layout),
+        components: components(layout),
+        unplaced_images: unplaced(problem, layout),
         single_view_points,
         unseen_points,
-        metric_scale_correction,
+        metric_scale_correction: outcome.metric_scale_correction,
         warnings: Vec::new(),
     };
     report.warnings = warnings(&report);
-    Ok(report)
+    report
 }
 
-fn attempt<T: Real>(
-    layout: &Layout,
-    rays: &Rays<T>,
-    start: Start,
-    options: &Options,
-    observer: &mut dyn Observer,
-) -> Result<(Attempt, Positions<T>), OptimizeError> {
-    let (positions, convex) = match start {
-        Start::Lud => lud_start(layout, rays, options.linear_solver)?,
-        Start::EqualScales | Start::Clipped => first_start(layout, rays, options.linear_solver)?,
-    };
-    project(layout, rays, rays, positions, (start, convex), options, observer)
+/// What every attempt shares.
+struct Run<'a, B: Backend> {
+    backend: &'a mut B,
+    layout: &'a Layout,
+    rays: &'a Rays<B::Scalar>,
+    options: &'a Options,
 }
 
-/// Variable projection with `active` rays; the quality is taken over all `rays`.
-fn project<T: Real>(
-    layout: &Layout,
-    rays: &Rays<T>,
-    active: &Rays<T>,
-    positions: Positions<T>,
-    (start, convex): (Start, ConvexReport),
-    options: &Options,
-    observer: &mut dyn Observer,
-) -> Result<(Attempt, Positions<T>), OptimizeError> {
-    let mut system = System::new(layout, active, positions, options)?;
-    let lm = block_on(lm::minimize(&mut system, &options.lm, observer));
-    let positions = system.into_positions();
-    let quality = quality(layout, &angles(layout, rays, &positions));
-    Ok((Attempt { start, convex, lm, quality }, positions))
-}
+type Candidate<T> = (Attempt, Positions<T>);
 
-fn clip<T: Real>(
-    layout: &Layout,
-    rays: &Rays<T>,
-    positions: Positions<T>,
-    options: &Options,
-    observer: &mut dyn Observer,
-) -> Result<(Attempt, Positions<T>), OptimizeError> {
-    let angles = angles(layout, rays, &positions);
-    let limit = CLIP_ANGLE_RAD.max(CLIP_MEDIANS * median(angles.iter().copied()).unwrap_or(0.0));
-    let mut active = rays.clone();
-    for point in 0..layout.points() {
-        let track = layout.track(point);
-        let kept = track.clone().filter(|&o| angles[o] <= limit).count();
-        for o in track {
-            if angles[o] > limit || kept < CLIP_MIN_TRACK {
-                active.weight[o] = T::ZERO;
+impl<B: Backend> Run<'_, B> {
+    async fn attempt(
+        &mut self,
+        start: Start,
+        observer: &mut dyn Observer,
+    ) -> Result<Candidate<B::Scalar>, OptimizeError> {
+        let unit = unit(self.rays);
+        let convex = match start {
+            Start::Lud => lud(self.backend, unit, self.rays.metric).await?,
+            Start::EqualScales | Start::Clipped => equal_scales(self.backend, unit).await?,
+        };
+        self.project(self.rays, start, convex, observer).await
+    }
+
+    /// Variable projection with `active` rays; the quality is taken over all.
+    async fn project(
+        &mut self,
+        active: &Rays<B::Scalar>,
+        start: Start,
+        convex: ConvexReport,
+        observer: &mut dyn Observer,
+    ) -> Result<Candidate<B::Scalar>, OptimizeError> {
+        let lm = self.backend.project(active, self.options, observer).await?;
+        let positions = self.backend.positions().await?;
+        let quality = quality(self.layout, &angles(self.layout, self.rays, &positions));
+        Ok((Attempt { start, convex, lm, quality }, positions))
+    }
+
+    async fn clip(
+        &mut self,
+        positions: &Positions<B::Scalar>,
+        observer: &mut dyn Observer,
+    ) -> Result<Candidate<B::Scalar>, OptimizeError> {
+        let angles = angles(self.layout, self.rays, positions);
+        let limit = CLIP_ANGLE_RAD.max(CLIP_MEDIANS * median(angles.iter().copied()).unwrap_or(0.0));
+        let mut active = self.rays.clone();
+        for point in 0..self.layout.points() {
+            let track = self.layout.track(point);
+            let kept = track.clone().filter(|&o| angles[o] <= limit).count();
+            for o in track {
+                if angles[o] > limit || kept < CLIP_MIN_TRACK {
+                    active.weight[o] = B::Scalar::ZERO;
+                }
             }
         }
+        self.backend.place(positions);
+        self.project(&active, Start::Clipped, ConvexReport::default(), observer).await
     }
-    project(layout, rays, &active, positions, (Start::Clipped, ConvexReport::default()), options, observer)
 }
 
 /// Scales the world so that the median pinned length fits: Huber's loss on multiplicative depth noise shrinks it by 2 to

@@ -2,18 +2,18 @@
 
 use epipole_geometry::camera::Real;
 
-use super::block::{Block, Model};
-use super::convex::linearize;
-use super::gauge::Positions;
-use super::layout::{Layout, Rays};
-use super::normal::{self, Normal, Shape};
-use super::options::Options;
-use super::triangle::Triangle;
-use super::vec3::{Vec3, add, dot, scale, sub, zero};
 use crate::error::OptimizeError;
 use crate::lm;
 use crate::loss::Loss;
 use crate::parallel;
+use crate::positioning::block::{Block, Model};
+use crate::positioning::convex::linearize;
+use crate::positioning::gauge::Positions;
+use crate::positioning::layout::{Layout, Rays};
+use crate::positioning::normal::{self, Normal, Shape};
+use crate::positioning::options::Options;
+use crate::positioning::triangle::Triangle;
+use crate::positioning::vec3::{Vec3, add, dot, scale, sub, zero};
 
 /// Centres and points as unknowns, every free scale re-solved exactly at every state (`reference/solver.md` §3.2).
 ///
