@@ -47,16 +47,11 @@ fn linearize_point(
     let low = min(diagonal.x, min(diagonal.y, diagonal.z));
     let high = max(diagonal.x, max(diagonal.y, diagonal.z));
     let free = params.fixed_points == 0u && count >= 2u && low * RANK_RATIO > high;
-    let norms = vec3f(
-        r.top.x * r.top.x,
-        r.top.y * r.top.y + r.bottom.x * r.bottom.x,
-        r.top.z * r.top.z + r.bottom.y * r.bottom.y + r.bottom.z * r.bottom.z,
-    );
     blocks[p] = Block(
         vec4f(r.top, 0.0),
         vec4f(r.bottom, 0.0),
         vec4f(gradient, 0.0),
-        vec4f(norms, select(0.0, 1.0, free)),
+        vec4f(column_norms(r), select(0.0, 1.0, free)),
         vec4f(),
         vec4f(),
     );

@@ -1,8 +1,10 @@
 //! The one table of kernels: whatever runs on a device is listed here, and a test holds the shaders to it.
 
 mod bundle;
+pub mod positioning;
 
 pub use bundle::*;
+use positioning::POSITIONING;
 
 /// How a kernel uses a buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,10 +69,15 @@ pub const REDUCE: Kernel = Kernel {
 
 /// Every kernel: the probe, then those of the problems.
 pub const KERNELS: &[Kernel] = &{
-    let mut all = [PROBE; 1 + BUNDLE.len()];
+    let mut all = [PROBE; 1 + BUNDLE.len() + POSITIONING.len()];
     let mut i = 0;
     while i < BUNDLE.len() {
         all[1 + i] = BUNDLE[i];
+        i += 1;
+    }
+    let mut i = 0;
+    while i < POSITIONING.len() {
+        all[1 + BUNDLE.len() + i] = POSITIONING[i];
         i += 1;
     }
     all

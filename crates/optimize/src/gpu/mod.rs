@@ -8,6 +8,7 @@ mod buffers;
 pub mod compose;
 mod device;
 mod error;
+mod failure;
 pub mod kernels;
 mod pipelines;
 #[cfg(test)]
@@ -17,5 +18,6 @@ mod variant;
 pub use buffers::{Pending, ReadBack};
 pub use device::{Device, Limits};
 pub use error::GpuError;
+pub(crate) use failure::{Failure, Guard};
 pub use pipelines::{Bound, Pipelines, split_groups};
 pub use variant::Variant;

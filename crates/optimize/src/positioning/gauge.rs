@@ -5,9 +5,6 @@ use epipole_geometry::camera::Real;
 use super::layout::{Layout, Rays};
 use super::vec3::{Vec3, add, dot, scale, sub, zero};
 
-/// Sizes are taken from at most this many observations at a fixed stride: a median needs no more.
-const SAMPLE: usize = 4096;
-
 /// Camera centres and points in the world.
 #[derive(Clone, Debug)]
 pub(crate) struct Positions<T> {
@@ -31,7 +28,7 @@ impl<T: Real> Positions<T> {
 
     /// Median distance from camera to point.
     pub(crate) fn median_distance(&self, layout: &Layout) -> f64 {
-        median(sample(layout).map(|o| {
+        median(layout.sample().map(|o| {
             let d = self.difference(layout, o);
             dot(d, d).to_f64().sqrt()
         }))
@@ -40,7 +37,7 @@ impl<T: Real> Positions<T> {
 
     /// Median of the best scales `vᵀd / ‖d‖²` over observations in front of their camera, 1 / world unit.
     pub(crate) fn median_scale(&self, layout: &Layout, rays: &Rays<T>) -> f64 {
-        let scales = sample(layout).filter_map(|o| {
+        let scales = layout.sample().filter_map(|o| {
             let d = self.difference(layout, o);
             let s = (dot(rays.direction[o], d) / dot(d, d)).to_f64();
             (s > 0.0 && s.is_finite()).then_some(s)
@@ -70,11 +67,6 @@ impl<T: Real> Positions<T> {
         let factor = T::from_f64(factor);
         self.centers.iter_mut().chain(&mut self.points).for_each(|p| *p = scale(*p, factor));
     }
-}
-
-fn sample(layout: &Layout) -> impl Iterator<Item = usize> {
-    let count = layout.observations();
-    (0..count).step_by(count.div_ceil(SAMPLE).max(1))
 }
 
 /// The upper median; `None` of nothing.

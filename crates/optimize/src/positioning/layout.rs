@@ -14,6 +14,9 @@ use crate::parallel;
 /// sixteen threads on a small scene. Chunks depend on the problem alone, so results do not depend on the threads.
 const CHUNK_OBSERVATIONS: usize = 2048;
 
+/// Sizes are taken from at most this many observations at a fixed stride: a median needs no more.
+const SAMPLE: usize = 4096;
+
 /// Which observations of a [`Problem`] are solved with, in the order the passes want them.
 ///
 /// *Cameras* are the images with at least one such observation, *points* those seen by two or more images.
@@ -154,6 +157,12 @@ impl Layout {
             self.camera_chunks[chunk].clone().map(&f).collect()
         });
         if results.len() == 1 { results.swap_remove(0) } else { results.into_iter().flatten().collect() }
+    }
+
+    /// The observations that medians are taken of.
+    pub(crate) fn sample(&self) -> impl Iterator<Item = usize> + use<> {
+        let count = self.observations();
+        (0..count).step_by(count.div_ceil(SAMPLE).max(1))
     }
 
     /// Number of block products of the explicit reduced system, Σ k (k + 1) / 2 over tracks of length k.

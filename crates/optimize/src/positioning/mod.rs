@@ -10,6 +10,8 @@ mod block;
 mod convex;
 mod cpu;
 mod gauge;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 mod layout;
 mod normal;
 mod options;
@@ -19,7 +21,7 @@ mod report;
 mod solve;
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
-mod tests;
+pub(crate) mod tests;
 mod triangle;
 mod vec3;
 

@@ -4,7 +4,7 @@ use super::scene::{KINDS, Kind, Noise, Random, Scene, aligned_error, scene};
 use crate::positioning::{Options, solve};
 
 /// Pins the given share of the observations to the true length times `1 + noise · N(0, 1)`.
-fn pin(scene: &mut Scene, share: f64, noise: f64) {
+pub(crate) fn pin(scene: &mut Scene, share: f64, noise: f64) {
     let mut random = Random(21);
     let mut pins = vec![0.0; scene.problem.observations()];
     for point in 0..scene.problem.points.len() {
@@ -19,7 +19,7 @@ fn pin(scene: &mut Scene, share: f64, noise: f64) {
 }
 
 /// Size of the found camera path over the true one.
-fn scale(scene: &Scene) -> f64 {
+pub(crate) fn scale(scene: &Scene) -> f64 {
     let spread = |v: &[glam::DVec3]| {
         let mean = v.iter().sum::<glam::DVec3>() / v.len() as f64;
         let mut distances: Vec<f64> = v.iter().map(|c| (*c - mean).length()).collect();

@@ -3,6 +3,6 @@
 mod accuracy;
 mod input;
 mod linear;
-mod metric;
+pub(crate) mod metric;
 mod robust;
-mod scene;
+pub(crate) mod scene;

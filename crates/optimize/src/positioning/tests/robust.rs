@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-use super::scene::{KINDS, Kind, Noise, Random, aligned_error, scene};
+use super::scene::{KINDS, Kind, Noise, Random, aligned_error, garbage, scene};
 use crate::lm::{IterationRecord, Observer, Termination};
-use crate::positioning::{Grade, Options, Problem, Start, Warning, solve};
+use crate::positioning::{Grade, Options, Start, Warning, solve};
 
 #[test]
 fn rays_that_point_backwards_are_seen_and_survived() {
@@ -96,28 +96,7 @@ fn an_observer_sees_every_iteration_and_may_stop() {
 fn garbage_gives_finite_positions_or_an_error() {
     let mut random = Random(11);
     for _ in 0..200 {
-        let images = 1 + random.below(6);
-        let points = 1 + random.below(8);
-        let mut problem = Problem {
-            centers: vec![DVec3::NAN; images],
-            points: vec![DVec3::NAN; points],
-            image_weight: vec![1.0; images],
-            track_start: vec![0],
-            ..Problem::default()
-        };
-        // Few distinct rays: parallel, opposite and repeated ones are common, and so are repeated images.
-        for _ in 0..points {
-            for _ in 0..random.below(6) {
-                problem.observation_image.push(random.below(images) as u32);
-                let axis = [DVec3::X, DVec3::Z, DVec3::new(0.6, 0.0, 0.8)][random.below(3)];
-                problem.observation_ray.push(if random.below(4) == 0 { -axis } else { axis });
-            }
-            problem.track_start.push(problem.observations() as u32);
-        }
-        if random.below(3) == 0 {
-            let pins = (0..problem.observations()).map(|_| [0.0, 1e-6, 1.0, 1e6][random.below(4)]).collect();
-            problem.pinned_scale = Some(pins);
-        }
+        let mut problem = garbage(&mut random);
         match solve(&mut problem, &Options::default(), &mut ()) {
             Ok(_) => assert!(problem.centers.iter().chain(&problem.points).all(|p| p.is_finite())),
             Err(error) => assert!(!error.to_string().is_empty()),

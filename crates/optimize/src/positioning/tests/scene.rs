@@ -5,66 +5,66 @@ use glam::{DMat3, DVec3};
 use crate::positioning::Problem;
 
 /// A generator of its own (SplitMix64), so that scenes never change with a dependency.
-pub(super) struct Random(pub(super) u64);
+pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
-    pub(super) fn bits(&mut self) -> u64 {
+    pub(crate) fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
         z ^ (z >> 31)
     }
 
-    pub(super) fn uniform(&mut self, low: f64, high: f64) -> f64 {
+    pub(crate) fn uniform(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    pub(super) fn below(&mut self, count: usize) -> usize {
+    pub(crate) fn below(&mut self, count: usize) -> usize {
         (self.bits() % count as u64) as usize
     }
 
-    pub(super) fn normal(&mut self) -> f64 {
+    pub(crate) fn normal(&mut self) -> f64 {
         let radius = (-2.0 * self.uniform(1e-300, 1.0).ln()).sqrt();
         radius * self.uniform(0.0, std::f64::consts::TAU).cos()
     }
 
-    pub(super) fn normals(&mut self) -> DVec3 {
+    pub(crate) fn normals(&mut self) -> DVec3 {
         DVec3::new(self.normal(), self.normal(), self.normal())
     }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Kind {
+pub(crate) enum Kind {
     Orbit,
     Street,
     Facade,
 }
 
-pub(super) const KINDS: [Kind; 3] = [Kind::Orbit, Kind::Street, Kind::Facade];
+pub(crate) const KINDS: [Kind; 3] = [Kind::Orbit, Kind::Street, Kind::Facade];
 
 /// What spoils the rays.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Noise {
+pub(crate) struct Noise {
     /// Standard deviation of a ray, rad.
-    pub(super) ray_rad: f64,
+    pub(crate) ray_rad: f64,
     /// Standard deviation of each image's rotation about each axis, degrees.
-    pub(super) rotation_deg: f64,
+    pub(crate) rotation_deg: f64,
     /// Share of rays that point elsewhere.
-    pub(super) outliers: f64,
+    pub(crate) outliers: f64,
 }
 
 /// A problem and the truth behind it.
-pub(super) struct Scene {
-    pub(super) problem: Problem,
-    pub(super) centers: Vec<DVec3>,
-    pub(super) points: Vec<DVec3>,
+pub(crate) struct Scene {
+    pub(crate) problem: Problem,
+    pub(crate) centers: Vec<DVec3>,
+    pub(crate) points: Vec<DVec3>,
 }
 
 const CAMERAS: usize = 50;
 const POINTS: usize = 700;
 const POINTS_PER_CAMERA: usize = 120;
 
-pub(super) fn scene(kind: Kind, noise: Noise, seed: u64) -> Scene {
+pub(crate) fn scene(kind: Kind, noise: Noise, seed: u64) -> Scene {
     let mut random = Random(seed);
     let r = &mut random;
     let (mut centers, mut forward, mut points) = (Vec::new(), Vec::new(), Vec::new());
@@ -138,14 +138,41 @@ pub(super) fn scene(kind: Kind, noise: Noise, seed: u64) -> Scene {
     Scene { problem, centers, points: kept }
 }
 
+/// A few images and points with few distinct rays: parallel, opposite and repeated ones are common, and so are repeated
+/// images and absurd pins.
+pub(crate) fn garbage(random: &mut Random) -> Problem {
+    let images = 1 + random.below(6);
+    let points = 1 + random.below(8);
+    let mut problem = Problem {
+        centers: vec![DVec3::NAN; images],
+        points: vec![DVec3::NAN; points],
+        image_weight: vec![1.0; images],
+        track_start: vec![0],
+        ..Problem::default()
+    };
+    for _ in 0..points {
+        for _ in 0..random.below(6) {
+            problem.observation_image.push(random.below(images) as u32);
+            let axis = [DVec3::X, DVec3::Z, DVec3::new(0.6, 0.0, 0.8)][random.below(3)];
+            problem.observation_ray.push(if random.below(4) == 0 { -axis } else { axis });
+        }
+        problem.track_start.push(problem.observations() as u32);
+    }
+    if random.below(3) == 0 {
+        let pins = (0..problem.observations()).map(|_| [0.0, 1e-6, 1.0, 1e6][random.below(4)]).collect();
+        problem.pinned_scale = Some(pins);
+    }
+    problem
+}
+
 /// The rotation by a vector, rad.
-pub(super) fn rotation(vector: DVec3) -> DMat3 {
+pub(crate) fn rotation(vector: DVec3) -> DMat3 {
     let angle = vector.length();
     if angle > 0.0 { DMat3::from_axis_angle(vector / angle, angle) } else { DMat3::IDENTITY }
 }
 
 /// Median and largest distance after the best similarity (least squares), over the radius of the truth.
-pub(super) fn aligned_error(found: &[DVec3], truth: &[DVec3]) -> (f64, f64) {
+pub(crate) fn aligned_error(found: &[DVec3], truth: &[DVec3]) -> (f64, f64) {
     let mean = |v: &[DVec3]| v.iter().sum::<DVec3>() / v.len() as f64;
     let (mean_found, mean_truth) = (mean(found), mean(truth));
     let mut rotation = DMat3::IDENTITY;

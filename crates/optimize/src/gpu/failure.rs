@@ -1,0 +1,39 @@
+//! Where a failure of the device goes in the middle of a solve, whose verbs return scalars only.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use super::error::GpuError;
+use crate::lm::{IterationRecord, Observer};
+
+/// The first failure, shared by a system and the observer that stops its loop.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Failure(Rc<RefCell<Option<GpuError>>>);
+
+impl Failure {
+    /// Passes a value on; an error is kept, unless an earlier one is.
+    pub(crate) fn keep<T>(&self, result: Result<T, GpuError>) -> Option<T> {
+        result.map_err(|error| self.0.borrow_mut().get_or_insert(error).clone()).ok()
+    }
+
+    /// What was kept.
+    pub(crate) fn get(&self) -> Option<GpuError> {
+        self.0.borrow().clone()
+    }
+}
+
+/// An observer that also stops the loop when the device fails.
+pub(crate) struct Guard<'a> {
+    pub(crate) inner: &'a mut dyn Observer,
+    pub(crate) failure: Failure,
+}
+
+impl Observer for Guard<'_> {
+    fn iteration(&mut self, record: &IterationRecord) {
+        self.inner.iteration(record);
+    }
+
+    fn should_stop(&self) -> bool {
+        self.failure.get().is_some() || self.inner.should_stop()
+    }
+}
