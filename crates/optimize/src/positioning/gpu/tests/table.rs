@@ -7,8 +7,8 @@ use glam::DVec3;
 use super::on_gpu;
 use crate::gpu::tests::device;
 use crate::lm::LmOptions;
-use crate::positioning::tests::scene::{Random, aligned_error};
-use crate::positioning::{Options, Problem, Report, solve};
+use crate::positioning::tests::scene::{KINDS, Noise, Random, aligned_error, scene};
+use crate::positioning::{LinearSolver, Options, Problem, Report, solve};
 
 /// Scene, then error and cost `Σ ρ` that the prototype (`solver_experiments/e2.py`, `convexvp`, f64) ends with. In
 /// `street_clean` it stops in a flat valley, at 0.2420 or, with rays rounded as here, at 0.1755: an upper bound.
@@ -20,6 +20,9 @@ const TABLE: [(&str, f64, f64); 6] = [
     ("facade_clean", 0.01216, 0.0221),
     ("facade_dirty", 0.04560, 67.6927),
 ];
+
+/// The threshold of the table.
+const PROTOTYPE_HUBER: f64 = 0.1;
 
 /// A scene of `tests/fixtures/positioning`: the problem and the true centres.
 fn read(name: &str) -> (Problem, Vec<DVec3>) {
@@ -76,16 +79,22 @@ fn shuffled(problem: &Problem, seed: u64) -> (Problem, Vec<usize>) {
     (out, place)
 }
 
-/// As the prototype went: one start, and its tolerance.
+/// As the prototype went where the threshold is its own: one start, inexact steps, its tolerance. Else ours, retries
+/// and all.
 fn options(huber: f64) -> Options {
     let lm = LmOptions { max_iterations: 100, relative_decrease_tolerance: 1e-5, ..Options::default().lm };
-    Options { huber, lm, retry: false, ..Options::default() }
+    let ours = Options { huber, lm, ..Options::default() };
+    match huber == PROTOTYPE_HUBER {
+        true => Options { retry: false, linear_solver: LinearSolver::ConjugateGradients, ..ours },
+        false => ours,
+    }
 }
 
 fn line(what: &str, report: &Report, error: f64) {
     let kept = report.kept();
     println!(
-        "  {what:22} error {error:.4} cost {:9.4}, {} + {} solves, {} + {} products",
+        "  {what:22} {:?}: error {error:.4}, cost {:9.4}, {} + {} solves, {} + {} products",
+        kept.start,
         2.0 * kept.lm.final_cost,
         kept.convex.solves,
         kept.lm.iterations,
@@ -99,7 +108,7 @@ fn the_table_of_the_reference_is_reproduced() {
     let Some(device) = device() else { return };
     for (name, table_error, table_cost) in TABLE {
         println!("{name}: the reference has {table_error:.4} and {table_cost:.4}");
-        for huber in [0.1, 0.01] {
+        for (huber, tolerance) in [(PROTOTYPE_HUBER, 0.05), (0.01, 0.1)] {
             let (problem, truth) = read(name);
             let mut on_cpu = problem.clone();
             let report = solve(&mut on_cpu, &options(huber), &mut ()).unwrap();
@@ -119,13 +128,38 @@ fn the_table_of_the_reference_is_reproduced() {
                 line(&format!("Huber {huber}, GPU, order {order}"), &report, error);
                 let cost = report.kept().lm.final_cost;
                 assert!((cost / cpu_cost - 1.0).abs() < 0.05, "{name}: {cost} {cpu_cost}");
-                assert!((error / cpu_error - 1.0).abs() < 0.05, "{name}: {error} {cpu_error}");
-                if huber == 0.1 {
+                assert!((error / cpu_error - 1.0).abs() < tolerance, "{name}: {error} {cpu_error}");
+                if huber == PROTOTYPE_HUBER {
                     assert!((error / table_error - 1.0).abs() < 0.05, "{name}: {error} {table_error}");
                     let ratio = 2.0 * cost / table_cost;
                     assert!(ratio < 1.05 && (ratio > 0.95 || name == "street_clean"), "{name}: {ratio}");
                 }
             }
         }
+    }
+}
+
+#[test]
+fn other_draws_of_the_scenes_end_as_on_the_cpu() {
+    let Some(device) = device() else { return };
+    let dirty = Noise { ray_rad: 1e-3, rotation_deg: 1.0, outliers: 0.1 };
+    for kind in KINDS {
+        let errors = [0, 1, 2, 3].map(|seed| {
+            let scene = scene(kind, dirty, seed);
+            let (mut cpu, mut gpu) = (scene.problem.clone(), scene.problem);
+            let on_cpu = solve(&mut cpu, &Options::default(), &mut ()).unwrap();
+            let on_device = on_gpu(&device, &mut gpu, &Options::default()).unwrap();
+            let [a, b] = [&cpu, &gpu].map(|problem| aligned_error(&problem.centers, &scene.centers).0);
+            line(&format!("{kind:?} {seed}, CPU f64"), &on_cpu, a);
+            line(&format!("{kind:?} {seed}, GPU"), &on_device, b);
+            if on_cpu.kept().start == on_device.kept().start {
+                let (a, b) = (on_cpu.kept().lm.final_cost, on_device.kept().lm.final_cost);
+                assert!((a / b - 1.0).abs() < 0.02, "{kind:?} {seed}: {a} {b}");
+            }
+            [a, b]
+        });
+        println!("{kind:?}, four draws at 10 % and 1°: errors on CPU and GPU {errors:.4?}");
+        // What rays alone do not determine (the open street) may end elsewhere in its valley.
+        assert!(errors.iter().all(|[cpu, gpu]| *gpu < 1.2 * cpu), "{kind:?}: {errors:?}");
     }
 }
