@@ -60,7 +60,7 @@ fn derivatives_agree_with_central_differences() {
     assert_eq!(structure.layout.dim(), 27);
     let lattice = Lattice::new::<f64>(&problem, &structure);
     let (cameras, points) = (Cameras::<f64>::new(&problem, &lattice), Points::new(&problem, &lattice));
-    let depths = DepthLimits::new(&problem, &structure, Activation::ValidAtStart);
+    let depths = DepthLimits::new(&problem, Activation::ValidAtStart);
     let residuals = |cameras: &Cameras<f64>, points: &Points<f64>| {
         let mut out = vec![[0.0; 2]; structure.image.len()];
         evaluate(&structure, &lattice, cameras, points, &depths, &mut out);
@@ -68,7 +68,7 @@ fn derivatives_agree_with_central_differences() {
     };
     let residual = residuals(&cameras, &points);
     let mut active = ActiveSet::new(Activation::ValidAtStart, Loss::Squared, residual.len());
-    active.update(|o| residual[o][0], |_| 0.0);
+    active.update(|o| residual[o][0], |_| 0.0, |_| true);
     assert_eq!(active.count(), 27);
     let mut linearization = Linearization::new(&structure);
     linearization.update(&structure, &lattice, &cameras, &points, &residual, &active, Loss::Squared, 1.0, depths.side);

@@ -16,7 +16,7 @@ mod residency;
 mod resident;
 mod system;
 #[cfg(test)]
-mod twin;
+pub(crate) mod twin;
 mod write;
 
 pub use checkpoint::Checkpoint;

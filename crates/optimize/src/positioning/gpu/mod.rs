@@ -14,6 +14,8 @@ mod system;
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests;
+#[cfg(test)]
+mod twin;
 
 use super::layout::{Layout, Rays};
 use super::options::Options;

@@ -123,7 +123,7 @@ impl<'a> Gpu<'a> {
         Ok(Positions { centers: centers.iter().map(|r| [r[0], r[1], r[2]]).collect(), points })
     }
 
-    fn write_settings(&self) {
+    pub(super) fn write_settings(&self) {
         self.device.write(&self.resident.shared.settings, &self.settings.words());
     }
 

@@ -5,8 +5,8 @@ use super::state::State;
 use crate::bundle::gpu::GpuSystem;
 
 /// Of Σ|terms|, against the f32 twin and against f64.
-pub(super) const TWIN: f64 = 1e-6;
-pub(super) const EXACT: f64 = 1e-5;
+pub(crate) const TWIN: f64 = 1e-6;
+pub(crate) const EXACT: f64 = 1e-5;
 
 /// A system whose kernels are run one by one.
 pub(super) struct Bench<'a> {
@@ -35,7 +35,7 @@ impl Bench<'_> {
 }
 
 /// Compares numbers of the device with both twins.
-pub(super) fn compare<'a>(
+pub(crate) fn compare<'a>(
     what: &str,
     found: impl IntoIterator<Item = &'a f32>,
     twin: impl IntoIterator<Item = f32>,
@@ -57,12 +57,12 @@ pub(super) fn compare<'a>(
     assert!(worst[0] <= TWIN && worst[1] <= EXACT, "{what}: {worst:?}");
 }
 
-pub(super) fn flat<const W: usize, N: Copy>(rows: &[[N; W]]) -> impl Iterator<Item = N> + '_ {
+pub(crate) fn flat<const W: usize, N: Copy>(rows: &[[N; W]]) -> impl Iterator<Item = N> + '_ {
     rows.iter().flatten().copied()
 }
 
 /// RᵀR of a triangle (00 01 02 11 12 22).
-pub(super) fn square(top: [f64; 3], bottom: [f64; 3]) -> [f64; 6] {
+pub(crate) fn square(top: [f64; 3], bottom: [f64; 3]) -> [f64; 6] {
     let rows = [top, [0.0, bottom[0], bottom[1]], [0.0, 0.0, bottom[2]]];
     let at = |i: usize, j: usize| rows.iter().map(|r| r[i] * r[j]).sum();
     [at(0, 0), at(0, 1), at(0, 2), at(1, 1), at(1, 2), at(2, 2)]

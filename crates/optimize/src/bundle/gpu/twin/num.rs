@@ -3,7 +3,7 @@
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// An `f32`, or an `f64` that knows how much was summed to get it.
-pub(super) trait Num:
+pub(crate) trait Num:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
 {
     fn of(value: f32) -> Self;
@@ -30,9 +30,9 @@ impl Num for f32 {
 
 /// A value with `Σ|terms|`: to first order, rounding every operation to a relative ε moves it by at most ε times that.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Bounded {
-    pub(super) value: f64,
-    pub(super) terms: f64,
+pub(crate) struct Bounded {
+    pub(crate) value: f64,
+    pub(crate) terms: f64,
 }
 
 impl Num for Bounded {
@@ -88,35 +88,35 @@ impl Neg for Bounded {
     }
 }
 
-pub(super) type Vec3<N> = [N; 3];
+pub(crate) type Vec3<N> = [N; 3];
 
-pub(super) fn zero<N: Num, const W: usize>() -> [N; W] {
+pub(crate) fn zero<N: Num, const W: usize>() -> [N; W] {
     [N::of(0.0); W]
 }
 
-pub(super) fn add<N: Num, const W: usize>(a: [N; W], b: [N; W]) -> [N; W] {
+pub(crate) fn add<N: Num, const W: usize>(a: [N; W], b: [N; W]) -> [N; W] {
     std::array::from_fn(|k| a[k] + b[k])
 }
 
-pub(super) fn sub<N: Num, const W: usize>(a: [N; W], b: [N; W]) -> [N; W] {
+pub(crate) fn sub<N: Num, const W: usize>(a: [N; W], b: [N; W]) -> [N; W] {
     std::array::from_fn(|k| a[k] - b[k])
 }
 
-pub(super) fn scale<N: Num, const W: usize>(a: [N; W], s: N) -> [N; W] {
+pub(crate) fn scale<N: Num, const W: usize>(a: [N; W], s: N) -> [N; W] {
     a.map(|v| v * s)
 }
 
 /// Sum of products, in order.
-pub(super) fn dot<N: Num>(a: &[N], b: &[N]) -> N {
+pub(crate) fn dot<N: Num>(a: &[N], b: &[N]) -> N {
     a.iter().zip(b).map(|(&x, &y)| x * y).reduce(|s, t| s + t).unwrap_or(N::of(0.0))
 }
 
-pub(super) fn cross<N: Num>(a: Vec3<N>, b: Vec3<N>) -> Vec3<N> {
+pub(crate) fn cross<N: Num>(a: Vec3<N>, b: Vec3<N>) -> Vec3<N> {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// The tree of `common/tree.wgsl` and `bundle/segment_tree.wgsl`; the number of lanes is a power of two.
-pub(super) fn tree<N: Num, const W: usize>(mut lanes: Vec<[N; W]>) -> [N; W] {
+pub(crate) fn tree<N: Num, const W: usize>(mut lanes: Vec<[N; W]>) -> [N; W] {
     let mut stride = lanes.len() / 2;
     while stride > 0 {
         for lane in 0..stride {

@@ -1,0 +1,10 @@
+//! The kernels once more in Rust, with the same sums in the same order, for tests: in `f32` as twins, and in `f64` with
+//! the magnitude of what was summed, which is what errors are measured by.
+
+mod cameras;
+mod check_linear;
+mod check_step;
+mod model;
+mod points;
+mod state;
+mod test;
