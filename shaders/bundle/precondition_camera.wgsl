@@ -1,14 +1,18 @@
 // Schur–Jacobi blocks: J_cᵀ M J_c with M = I − J_p (R̃ᵀR̃)⁻¹ J_pᵀ inside each observation, and the right-hand side
-// −J_cᵀ(r − J_p y₀). One row of 120 sums a segment: the upper triangle of 14 × 14 by rows, the 14 of the right-hand side.
+// −J_cᵀ(r − J_p y₀). Where precondition_group adds the exact block of a shared camera, everything that concerns its
+// parameters is plain J_cᵀ J_c. One row of sums a segment, see block_sums.wgsl.
 // Sums go by batches of 64 observations, so no order depends on the device.
 
 #import "common/dispatch.wgsl"
 #import "bundle/row.wgsl"
 #import "bundle/block.wgsl"
+#import "bundle/block_sums.wgsl"
 
-const SIDE = 14u;
-const TRIANGLE = 105u;
-const SUMS = 120u;
+const PER_LANE = (SUMS + 63u) / 64u;
+const PROJECTED = 0u;
+const PLAIN = 1u;
+const RIGHT_HAND_SIDE = 2u;
+const NOTHING = 3u;
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> views: array<View>;
@@ -20,13 +24,13 @@ const SUMS = 120u;
 @group(0) @binding(7) var<storage, read> residuals: array<vec4f>;
 @group(0) @binding(8) var<storage, read_write> block_sums: array<f32>;
 
-// Per observation J_c (2 × 14), M J_c (2 × 14) and the error r − J_p y₀.
-var<workgroup> plain: array<f32, 1792>;
-var<workgroup> projected: array<f32, 1792>;
+// Per observation J_c (2 × SIDE), M (xx, xy, yy) and the error r − J_p y₀.
+var<workgroup> plain: array<f32, 64u * 2u * SIDE>;
+var<workgroup> projections: array<vec3f, 64>;
 var<workgroup> errors: array<vec2f, 64>;
 
 fn store_step(lane: u32, line: u32, step: CameraStep) {
-    let at = lane * 28u + line * SIDE;
+    let at = lane * 2u * SIDE + line * SIDE;
     for (var k = 0u; k < 4u; k += 1u) {
         plain[at + k] = step.a[k];
         plain[at + 6u + k] = step.linear[k];
@@ -36,25 +40,47 @@ fn store_step(lane: u32, line: u32, step: CameraStep) {
     plain[at + 5u] = step.b.y;
 }
 
-// Row and column of an entry of the triangle; beyond it row SIDE and the place in the right-hand side.
-fn entry_of(k: u32) -> vec2u {
-    var row = 0u;
-    var first = 0u;
-    while row < SIDE && k >= first + SIDE - row {
-        first += SIDE - row;
-        row += 1u;
-    }
-    return vec2u(row, select(row + k - first, k - TRIANGLE, row == SIDE));
+struct Entry {
+    row: u32,
+    column: u32,
+    kind: u32,
 }
 
-fn entry_sum(entry: vec2u) -> f32 {
+// What the k-th sum is.
+fn entry_of(k: u32, exact: bool) -> Entry {
+    if k >= SUMS {
+        return Entry(0u, 0u, NOTHING);
+    }
+    if k >= TRIANGLE && k < POSE_AT {
+        return Entry(k - TRIANGLE, 0u, RIGHT_HAND_SIDE);
+    }
+    let side = select(SIDE, 6u, k >= POSE_AT);
+    var left = select(k, k - POSE_AT, k >= POSE_AT);
+    var row = 0u;
+    while left >= side - row {
+        left -= side - row;
+        row += 1u;
+    }
+    let column = row + left;
+    return Entry(row, column, select(PROJECTED, PLAIN, k >= POSE_AT || (exact && column >= 6u)));
+}
+
+fn entry_sum(entry: Entry) -> f32 {
     var sum = 0.0;
+    if entry.kind == NOTHING {
+        return sum;
+    }
     for (var o = 0u; o < 64u; o += 1u) {
-        let at = o * 28u;
-        if entry.x < SIDE {
-            sum += plain[at + entry.x] * projected[at + entry.y] + plain[at + SIDE + entry.x] * projected[at + SIDE + entry.y];
-        } else if entry.y < SIDE {
-            sum -= plain[at + entry.y] * errors[o].x + plain[at + SIDE + entry.y] * errors[o].y;
+        let at = o * 2u * SIDE;
+        let x = plain[at + entry.row];
+        let y = plain[at + SIDE + entry.row];
+        if entry.kind == RIGHT_HAND_SIDE {
+            sum -= x * errors[o].x + y * errors[o].y;
+        } else {
+            let u = plain[at + entry.column];
+            let v = plain[at + SIDE + entry.column];
+            let m = select(projections[o], vec3f(1.0, 0.0, 1.0), entry.kind == PLAIN);
+            sum += x * (m.x * u + m.y * v) + y * (m.y * u + m.z * v);
         }
     }
     return sum;
@@ -70,9 +96,11 @@ fn precondition_camera(
     let segment = segments[g];
     let view = views[segment.image];
     let k = intrinsics[view.camera];
-    let first = entry_of(lane);
-    let second = entry_of(lane + 64u);
-    var sums = vec2f();
+    var entries: array<Entry, PER_LANE>;
+    var sums: array<f32, PER_LANE>;
+    for (var n = 0u; n < PER_LANE; n += 1u) {
+        entries[n] = entry_of(lane + 64u * n, k.kind.w == 1u);
+    }
     for (var batch = segment.start; batch < segment.end; batch += 64u) {
         let o = batch + lane;
         var row = Row(vec3f(), vec3f(), vec3f(), vec4f(), vec4f(), vec4f(), vec4f());
@@ -90,20 +118,16 @@ fn precondition_camera(
         store_step(lane, 0u, camera_transposed(row, vec2f(1.0, 0.0)));
         store_step(lane, 1u, camera_transposed(row, vec2f(0.0, 1.0)));
         errors[lane] = e;
-        let mixed = -dot(z[0], z[1]);
-        let mx = 1.0 - dot(z[0], z[0]);
-        let my = 1.0 - dot(z[1], z[1]);
-        let at = lane * 28u;
-        for (var c = 0u; c < SIDE; c += 1u) {
-            projected[at + c] = mx * plain[at + c] + mixed * plain[at + SIDE + c];
-            projected[at + SIDE + c] = mixed * plain[at + c] + my * plain[at + SIDE + c];
+        projections[lane] = vec3f(1.0 - dot(z[0], z[0]), -dot(z[0], z[1]), 1.0 - dot(z[1], z[1]));
+        workgroupBarrier();
+        for (var n = 0u; n < PER_LANE; n += 1u) {
+            sums[n] += entry_sum(entries[n]);
         }
         workgroupBarrier();
-        sums += vec2f(entry_sum(first), entry_sum(second));
-        workgroupBarrier();
     }
-    block_sums[segment.slot * SUMS + lane] = sums.x;
-    if lane + 64u < SUMS {
-        block_sums[segment.slot * SUMS + lane + 64u] = sums.y;
+    for (var n = 0u; n < PER_LANE; n += 1u) {
+        if lane + 64u * n < SUMS {
+            block_sums[segment.slot * SUMS + lane + 64u * n] = sums[n];
+        }
     }
 }

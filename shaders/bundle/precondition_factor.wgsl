@@ -1,15 +1,14 @@
 // Inverts the preconditioner's blocks in column scale: one workgroup an image (with its camera's parameters where it
-// owns them), then one a shared camera. The inverse is Gauss–Jordan in place; a block that is not positive definite in
+// owns them), then one a shared camera (less what precondition_group found for it). The inverse is Gauss–Jordan in place; a block that is not positive definite in
 // f32 is replaced by its diagonal.
 
 #import "common/dispatch.wgsl"
 #import "bundle/types.wgsl"
 #import "bundle/topology.wgsl"
 #import "bundle/vectors.wgsl"
+#import "bundle/block_sums.wgsl"
 
-const SIDE = 14u;
-const SUMS = 120u;
-const ENTRIES = 196u;
+const ENTRIES = SIDE * SIDE;
 // Pivots below this are rounding: the scaled diagonal is 1.
 const MIN_PIVOT = 1e-6;
 
@@ -19,9 +18,10 @@ const MIN_PIVOT = 1e-6;
 @group(0) @binding(3) var<storage, read> views: array<View>;
 @group(0) @binding(4) var<storage, read_write> vectors: array<vec4f>;
 @group(0) @binding(5) var<storage, read_write> inverses: array<f32>;
+@group(0) @binding(6) var<storage, read> group_sums: array<f32>;
 
-var<workgroup> matrix: array<f32, 196>;
-var<workgroup> diagonal: array<f32, 14>;
+var<workgroup> matrix: array<f32, ENTRIES>;
+var<workgroup> diagonal: array<f32, SIDE>;
 var<workgroup> failed: atomic<u32>;
 
 // Place of an unknown (0..14) of a block: vec4f and component in a section.
@@ -45,6 +45,21 @@ fn gather(first: u32, last: u32, by_camera: bool, k: u32) -> f32 {
             part += block_sums[s * SUMS + k];
         }
         sum += part;
+    }
+    return sum;
+}
+
+// What the points take from (i, j) of a shared camera's block; 0 where the block is not exact.
+fn eliminated(camera: u32, i: u32, j: u32) -> f32 {
+    let at = exact_at(params.images, params.cameras, params.big_cameras);
+    let count = topology[at];
+    var sum = 0.0;
+    for (var which = 0u; which < count; which += 1u) {
+        if topology[at + 2u + which] == camera {
+            for (var s = 0u; s < topology[at + 1u]; s += 1u) {
+                sum += group_sums[((s * count + which) * CAMERA + i) * CAMERA + j];
+            }
+        }
     }
     return sum;
 }
@@ -88,7 +103,11 @@ fn precondition_factor(
             let b = place(unit, params.images + camera, j);
             let scale = vectors[scale_at + a.x][a.y] * vectors[scale_at + b.x][b.y];
             if scale != 0.0 {
-                value = scale * gather(first, last, by_camera, low * SIDE - low * (low + 1u) / 2u + high);
+                value = gather(first, last, by_camera, triangle_at(SIDE, low, high));
+                if by_camera {
+                    value -= eliminated(camera, low - 6u, high - 6u);
+                }
+                value *= scale;
                 value += select(0.0, params.lambda, i == j);
             }
         }
@@ -129,7 +148,7 @@ fn precondition_factor(
         let j = k % SIDE;
         var value = 0.5 * (matrix[k] + matrix[j * SIDE + i]);
         if diagonal_only {
-            value = select(0.0, 1.0 / diagonal[i], i == j);
+            value = select(0.0, 1.0 / max(diagonal[i], MIN_PIVOT), i == j);
         }
         let a = place(unit, params.images + camera, i);
         let b = place(unit, params.images + camera, j);
@@ -144,7 +163,7 @@ fn precondition_factor(
         let length = select(4u, 2u, quad == 1u);
         let start = 6u * (quad >> 1u) + 4u * (quad & 1u);
         for (var k = 0u; k < length; k += 1u) {
-            sum[k] = gather(first, last, by_camera, 105u + start + k);
+            sum[k] = gather(first, last, by_camera, TRIANGLE + start + k);
         }
         let a = place(unit, params.images + camera, start);
         vectors[section(RHS, units) + a.x] = sum * vectors[scale_at + a.x];

@@ -1,5 +1,6 @@
 // Who belongs to whom, as one array: slots of the segments of each image (images + 1 offsets), images of each camera
-// (cameras + 1 offsets), those images in order, then the cameras with many images.
+// (cameras + 1 offsets), those images in order, the cameras with many images; then how many cameras have an exact block in
+// the preconditioner, the slots of sums of each, and those cameras.
 
 // Cameras with more images than this are summed by a whole workgroup.
 const FEW_IMAGES = 32u;
@@ -14,4 +15,8 @@ fn members_at(images: u32, cameras: u32) -> u32 {
 
 fn big_at(images: u32, cameras: u32) -> u32 {
     return 2u * images + cameras + 2u;
+}
+
+fn exact_at(images: u32, cameras: u32, big_cameras: u32) -> u32 {
+    return big_at(images, cameras) + big_cameras;
 }

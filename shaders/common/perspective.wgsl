@@ -7,7 +7,7 @@ struct Intrinsics {
     linear: vec4f,
     // k1, k2, p1, p2
     distortion: vec4f,
-    // x: 1 where one focal length serves both axes (its unknown is fx's)
+    // x: 1 where one focal length serves both axes (its unknown is fx's); w: 1 where the preconditioner has an exact block
     kind: vec4u,
 }
 

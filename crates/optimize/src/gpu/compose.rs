@@ -17,6 +17,7 @@ macro_rules! shaders {
 shaders![
     "bundle/back_substitute.wgsl",
     "bundle/block.wgsl",
+    "bundle/block_sums.wgsl",
     "bundle/change_camera.wgsl",
     "bundle/change_point.wgsl",
     "bundle/commit_camera.wgsl",
@@ -29,6 +30,7 @@ shaders![
     "bundle/pcg_step.wgsl",
     "bundle/precondition_camera.wgsl",
     "bundle/precondition_factor.wgsl",
+    "bundle/precondition_group.wgsl",
     "bundle/product_camera.wgsl",
     "bundle/product_point.wgsl",
     "bundle/refresh.wgsl",

@@ -10,6 +10,9 @@ const STATE_VEC4: u64 = 4;
 const SECTIONS: u64 = 8;
 /// Bytes of a row of eight sums.
 pub(super) const ROW_BYTES: u64 = 32;
+/// Bytes of a segment's sums in `block_sums.wgsl`, and of a span's in `precondition_group.wgsl`.
+const BLOCK_SUMS_BYTES: u64 = 4 * (14 * 15 / 2 + 14 + 21);
+const GROUP_SUMS_BYTES: u64 = 4 * 8 * 8;
 /// Parts of a buffer are bound at multiples of this (WebGPU's `minStorageBufferOffsetAlignment` by default).
 const ALIGN_BYTES: u64 = 256;
 /// Rows of sums between the first rows of two chunks: a multiple of this.
@@ -27,6 +30,7 @@ pub(super) struct Buffers {
     pub(super) freedom: wgpu::Buffer,
     pub(super) partials: wgpu::Buffer,
     pub(super) block_sums: wgpu::Buffer,
+    pub(super) group_sums: wgpu::Buffer,
     pub(super) inverses: wgpu::Buffer,
     pub(super) vectors: wgpu::Buffer,
     /// Sums of the operator, of the back-substitution and of the trial (or refresh).
@@ -57,6 +61,9 @@ pub(super) struct ChunkBuffers {
 pub(super) struct ChunkPlace {
     pub(super) first_row: u64,
     pub(super) rows: u64,
+    /// Among the sums of exact blocks.
+    pub(super) first_slot: u64,
+    pub(super) slots: u64,
     pub(super) params_offset: u64,
 }
 
@@ -116,6 +123,7 @@ impl Buffers {
         layout: &Layout,
         params_bytes: u64,
         [rows, span, reduced]: [u64; 3],
+        group_slots: u64,
     ) -> Result<Self, GpuError> {
         let units = (layout.views.len() + layout.intrinsics.len()) as u64;
         let segments = layout.segments as u64;
@@ -128,7 +136,8 @@ impl Buffers {
             topology: device.storage("topology", &layout.topology)?,
             freedom: device.storage("freedom", &layout.freedom)?,
             partials: device.zeroed("camera sums", segments * 64)?,
-            block_sums: device.zeroed("block sums", segments * 480)?,
+            block_sums: device.zeroed("block sums", segments * BLOCK_SUMS_BYTES)?,
+            group_sums: device.zeroed("group sums", group_slots * GROUP_SUMS_BYTES)?,
             inverses: device.zeroed("inverse blocks", units * 784)?,
             vectors: device.zeroed("vectors", 16 * (STATE_VEC4 + SECTIONS * 2 * units))?,
             product_sums: sums("product sums")?,
@@ -139,7 +148,7 @@ impl Buffers {
         })
     }
 
-    fn named(&self) -> [(&'static str, &wgpu::Buffer); 15] {
+    fn named(&self) -> [(&'static str, &wgpu::Buffer); 16] {
         [
             ("params", &self.params),
             ("reduce_params", &self.reduce_params),
@@ -149,6 +158,7 @@ impl Buffers {
             ("freedom", &self.freedom),
             ("partials", &self.partials),
             ("block_sums", &self.block_sums),
+            ("group_sums", &self.group_sums),
             ("inverses", &self.inverses),
             ("vectors", &self.vectors),
             ("product sums", &self.product_sums),
@@ -183,6 +193,9 @@ impl Buffers {
         let one = |name: &str| match name {
             "params" => Some(part(&self.params, place.map_or(0, |p| p.params_offset), super::resident::PARAMS_BYTES)),
             "sums" => Some(place.map_or(whole(sums), |p| part(sums, p.first_row * ROW_BYTES, p.rows * ROW_BYTES))),
+            "group_sums" => Some(place.map_or(whole(&self.group_sums), |p| {
+                part(&self.group_sums, p.first_slot * GROUP_SUMS_BYTES, p.slots * GROUP_SUMS_BYTES)
+            })),
             _ => {
                 let named = self.named();
                 let mut all = of_chunk.iter().flatten().chain(&named);

@@ -1,8 +1,9 @@
 //! A problem as the kernels' arrays: chunks of points, who belongs to whom, and the start state.
 
 use super::chunk::{Chunk, ChunkLimits, assign_slots, split};
+use super::exact::{exact_cameras, spans};
 use super::lattice::Lattice;
-use super::records::{CAMERA_UNKNOWNS, Intrinsics, OUT, View, intrinsics, param_slots};
+use super::records::{CAMERA_UNKNOWNS, EXACT_WORD, Intrinsics, OUT, View, intrinsics, param_slots};
 use crate::bundle::problem::{PoseFreedom, Problem};
 use crate::gpu::{GpuError, Variant};
 
@@ -21,6 +22,8 @@ pub(super) struct Layout {
     /// See `shaders/bundle/topology.wgsl`.
     pub(super) topology: Vec<u32>,
     pub(super) big_cameras: usize,
+    /// Cameras with an exact block in the preconditioner.
+    pub(super) exact_cameras: usize,
     /// Two vec4 an image and a camera: 1 where an unknown may move.
     pub(super) freedom: Vec<[f32; 8]>,
     /// Accepted state; the kernels' buffers hold it three times.
@@ -43,12 +46,14 @@ impl Layout {
             chunks,
             topology,
             big_cameras: 0,
+            exact_cameras: 0,
             freedom: freedom(problem)?,
             views: views(problem, &lattice),
             intrinsics: problem.cameras.iter().map(|c| intrinsics(c.model, &c.params)).collect::<Result<_, _>>()?,
             lattice,
         };
         layout.add_members(problem);
+        layout.add_exact(problem);
         Ok(layout)
     }
 
@@ -70,6 +75,16 @@ impl Layout {
         let before = self.topology.len();
         self.topology.extend(big);
         self.big_cameras = self.topology.len() - before;
+    }
+
+    /// The end of the topology: cameras with an exact block, which are marked as such.
+    fn add_exact(&mut self, problem: &Problem) {
+        let exact = exact_cameras(problem);
+        exact.iter().for_each(|&c| self.intrinsics[c as usize][EXACT_WORD] = 1);
+        let slots: usize = self.chunks.iter().map(spans).sum();
+        self.topology.extend([exact.len() as u32, slots as u32]);
+        self.exact_cameras = exact.len();
+        self.topology.extend(exact);
     }
 }
 

@@ -9,6 +9,7 @@ mod buffers;
 mod checkpoint;
 mod chunk;
 mod counters;
+mod exact;
 mod lattice;
 mod layout;
 mod records;

@@ -9,6 +9,8 @@ use crate::loss::Loss;
 pub(super) type View = [u32; 16];
 /// `Intrinsics`: fx, fy, cx, cy, k1, k2, p1, p2, then whether one focal length serves both axes.
 pub(super) type Intrinsics = [u32; 12];
+/// The word of [`Intrinsics`] that says whether the preconditioner has an exact block for the camera.
+pub(super) const EXACT_WORD: usize = 11;
 /// `Point`: offset, packed cell, four words of work space.
 pub(super) type Point = [u32; 8];
 

@@ -5,6 +5,7 @@ use std::cell::Cell;
 use super::buffers::{Buffers, ChunkBuffers, ChunkPlace, ROW_ALIGN};
 use super::chunk::Chunk;
 use super::counters::ResidentBytes;
+use super::exact::spans;
 use super::layout::Layout;
 use super::records::Params;
 use crate::gpu::kernels::{self, Kernel};
@@ -29,6 +30,8 @@ enum Extent {
     Observations,
     /// A segment of a chunk.
     Segments,
+    /// A span of a chunk's points and a camera with an exact block.
+    Groups,
     /// 64 images or cameras.
     UnitGroups,
     /// An image or a camera.
@@ -42,6 +45,7 @@ impl Extent {
         match kernel.name {
             "reweight" => Self::Observations,
             "linearize_camera" | "precondition_camera" | "product_camera" => Self::Segments,
+            "precondition_group" => Self::Groups,
             "scale_camera" | "step_camera" | "change_camera" | "commit_camera" => Self::UnitGroups,
             "precondition_factor" => Self::Units,
             "pcg_start" | "pcg_step" => Self::One,
@@ -50,7 +54,7 @@ impl Extent {
     }
 
     fn is_of_chunk(self) -> bool {
-        matches!(self, Self::Points | Self::Observations | Self::Segments)
+        matches!(self, Self::Points | Self::Observations | Self::Segments | Self::Groups)
     }
 }
 
@@ -82,11 +86,19 @@ pub(super) struct Resident {
 impl Resident {
     pub(super) fn new(device: &Device, layout: &Layout, mut params: Params) -> Result<Self, GpuError> {
         let mut places = Vec::with_capacity(layout.chunks.len());
-        let mut rows = 0u64;
+        let (mut rows, mut slots) = (0u64, 0u64);
         for (k, chunk) in (1u64..).zip(&layout.chunks) {
             let first_row = rows.next_multiple_of(ROW_ALIGN);
             let own = (chunk.points.len() as u64).div_ceil(POINT_GROUP);
-            places.push(ChunkPlace { first_row, rows: own, params_offset: k * PARAMS_STRIDE });
+            let own_slots = (spans(chunk) * layout.exact_cameras) as u64;
+            places.push(ChunkPlace {
+                first_row,
+                rows: own,
+                first_slot: slots,
+                slots: own_slots,
+                params_offset: k * PARAMS_STRIDE,
+            });
+            slots += own_slots;
             rows = first_row + own;
         }
         let span = rows.div_ceil(HOST_ROWS).max(MIN_SPAN);
@@ -106,7 +118,7 @@ impl Resident {
         params.point_groups = rows as u32;
         params.big_cameras = layout.big_cameras as u32;
         let params_bytes = PARAMS_STRIDE * (1 + chunks.len() as u64);
-        let buffers = Buffers::new(device, layout, params_bytes, [rows, span, reduced])?;
+        let buffers = Buffers::new(device, layout, params_bytes, [rows, span, reduced], slots)?;
 
         let pipelines = Pipelines::for_variant(device, kernels::BUNDLE, layout.variant)?;
         let units = u64::from(params.images) + u64::from(params.cameras);
@@ -117,6 +129,7 @@ impl Resident {
                 Extent::Points => points.div_ceil(POINT_GROUP),
                 Extent::Observations => observations.div_ceil(64),
                 Extent::Segments => segments,
+                Extent::Groups => chunk.map_or(0, |c| places[c].slots),
                 Extent::UnitGroups => units.div_ceil(64),
                 Extent::Units => units,
                 Extent::One => 1,

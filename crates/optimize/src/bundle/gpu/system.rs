@@ -195,6 +195,7 @@ impl<'a> GpuSystem<'a> {
         let mut encoder = self.device.encoder();
         resident.record(&mut encoder, "damp_point")?;
         resident.record(&mut encoder, "precondition_camera")?;
+        resident.record(&mut encoder, "precondition_group")?;
         resident.record(&mut encoder, "precondition_factor")?;
         resident.record(&mut encoder, "pcg_start")?;
         self.submit(encoder);

@@ -95,6 +95,24 @@ pub const PRECONDITION_CAMERA: Kernel = Kernel {
     ],
 };
 
+/// What the points take from the blocks of shared cameras.
+pub const PRECONDITION_GROUP: Kernel = Kernel {
+    name: "precondition_group",
+    file: "bundle/precondition_group.wgsl",
+    workgroup_size: 64,
+    bindings: &[
+        uniform("params"),
+        read("views"),
+        read("intrinsics"),
+        read("points"),
+        read("tracks"),
+        read("by_point"),
+        read("blocks"),
+        read("topology"),
+        write("group_sums"),
+    ],
+};
+
 /// Inverses of the preconditioner's blocks.
 pub const PRECONDITION_FACTOR: Kernel = Kernel {
     name: "precondition_factor",
@@ -107,6 +125,7 @@ pub const PRECONDITION_FACTOR: Kernel = Kernel {
         read("views"),
         write("vectors"),
         write("inverses"),
+        read("group_sums"),
     ],
 };
 
@@ -254,6 +273,7 @@ pub const BUNDLE: &[Kernel] = &[
     SCALE_CAMERA,
     DAMP_POINT,
     PRECONDITION_CAMERA,
+    PRECONDITION_GROUP,
     PRECONDITION_FACTOR,
     PCG_START,
     PRODUCT_POINT,

@@ -1,12 +1,15 @@
 //! Twins of the kernels that walk segments of an image, and of what gathers their sums.
 
+use std::ops::Range;
+
 use super::num::{Num, add, cross, dot, sub, tree, zero};
 use super::points::{solve_normal, solve_row};
 use super::state::State;
 
 /// Unknowns of an image with its camera, and sums of a segment in the preconditioner.
 const SIDE: usize = 14;
-pub(super) const SUMS: usize = 120;
+const TRIANGLE: usize = SIDE * (SIDE + 1) / 2;
+pub(super) const SUMS: usize = 14 * 15 / 2 + 14 + 21;
 
 impl<N: Num> State<N> {
     /// Sums over segments: lanes take every 64th observation, then the tree.
@@ -56,7 +59,8 @@ impl<N: Num> State<N> {
         })
     }
 
-    /// By segment: upper triangle of the Schur–Jacobi block, then the right-hand side.
+    /// By segment: upper triangle of the Schur–Jacobi block (plain where its camera's block is exact), the right-hand side,
+    /// the pose's plain block.
     pub(super) fn precondition_camera(&self) -> Vec<[N; SUMS]> {
         let segment = |&[image, start, end, _]: &[u32; 4]| {
             let mut total: [N; SUMS] = zero();
@@ -80,11 +84,19 @@ impl<N: Num> State<N> {
                     let moved = row.point_product(self.points[point].s);
                     let r = self.residuals[index];
                     let e = [weight * r[0] - moved[0], weight * r[1] - moved[1]];
+                    let exact = self.exact[self.views[image as usize].camera];
                     let mut k = 0;
+                    let mut poses = TRIANGLE + SIDE;
                     for a in 0..SIDE {
                         for b in a..SIDE {
+                            let plain = j[0][a] * j[0][b] + j[1][a] * j[1][b];
                             let m = [mx * j[0][b] + mixed * j[1][b], mixed * j[0][b] + my * j[1][b]];
-                            sum[k] = sum[k] + (j[0][a] * m[0] + j[1][a] * m[1]);
+                            let projected = j[0][a] * m[0] + j[1][a] * m[1];
+                            sum[k] = sum[k] + if exact && b >= 6 { plain } else { projected };
+                            if b < 6 {
+                                sum[poses] = sum[poses] + plain;
+                                poses += 1;
+                            }
                             k += 1;
                         }
                     }
@@ -97,6 +109,52 @@ impl<N: Num> State<N> {
             total
         };
         self.segments.iter().map(segment).collect()
+    }
+
+    /// By span of points and exact camera: what the points take from its block.
+    pub(super) fn precondition_group(&self, chunks: &[Range<usize>], cameras: &[u32]) -> Vec<[N; 64]> {
+        let factor = |p: usize, camera: u32| -> [[N; 8]; 3] {
+            let mut sum = [zero::<N, 8>(); 3];
+            for o in self.tracks[p] as usize..self.tracks[p + 1] as usize {
+                let (image, weight) = ((self.by_point[o].0 & !(1 << 31)) as usize, self.by_point[o].1);
+                if self.blocks[p][3][3].value() != 1.0
+                    || weight.value() == 0.0
+                    || self.views[image].camera != camera as usize
+                {
+                    continue;
+                }
+                let row = self.row(p, image, weight);
+                for (c, sum) in sum.iter_mut().enumerate() {
+                    *sum = std::array::from_fn(|k| {
+                        sum[k] + (row.point[0][c] * row.params[0][k] + row.point[1][c] * row.params[1][k])
+                    });
+                }
+            }
+            let solved: [_; 8] = std::array::from_fn(|k| solve_row(&self.blocks[p], sum.map(|row| row[k])));
+            std::array::from_fn(|c| solved.map(|column| column[c]))
+        };
+        let mut out = Vec::new();
+        for chunk in chunks {
+            let groups = chunk.len().div_ceil(64);
+            let spans = groups.clamp(1, 256);
+            let length = 64 * groups.div_ceil(spans);
+            for first in (0..spans).map(|s| chunk.start + s * length) {
+                for &camera in cameras {
+                    let mut total: [N; 64] = zero();
+                    for batch in (first..chunk.end.min(first + length)).step_by(64) {
+                        let mut sum: [N; 64] = zero();
+                        for p in batch..(batch + 64).min(chunk.end) {
+                            for row in factor(p, camera) {
+                                sum = std::array::from_fn(|k| sum[k] + row[k / 8] * row[k % 8]);
+                            }
+                        }
+                        total = add(total, sum);
+                    }
+                    out.push(total);
+                }
+            }
+        }
+        out
     }
 
     /// By unit: squared norms of the columns that are kept, as `scale_camera` sums them; zero where nothing may move.

@@ -1,6 +1,7 @@
 //! Kernels of the linearisation and of the preconditioner against their twins.
 
 use super::bench::{Bench, EXACT, compare, flat, square};
+use super::cameras::SUMS;
 use super::num::{Bounded, Num};
 use super::state::State;
 
@@ -78,18 +79,27 @@ pub(super) fn check_preconditioner(bench: &Bench<'_>) {
     compare("y₀", &found, flat(&twin.newton()), flat(&exact.newton()));
 
     bench.run("precondition_camera");
-    let found = bench.words(&buffers.block_sums, 120 * bench.system.layout.segments);
+    let found = bench.words(&buffers.block_sums, SUMS * bench.system.layout.segments);
     let (t, e) = (twin.precondition_camera(), exact.precondition_camera());
-    compare(
-        "precondition_camera",
-        found.chunks(120).flat_map(|row| &row[..119]),
-        t.iter().flat_map(|row| row[..119].to_vec()),
-        e.iter().flat_map(|row| row[..119].to_vec()),
-    );
+    compare("precondition_camera", &found, flat(&t), flat(&e));
+
+    bench.run("precondition_group");
+    let layout = &bench.system.layout;
+    let cameras: Vec<u32> = (0..layout.intrinsics.len() as u32).filter(|&c| twin.exact[c as usize]).collect();
+    let chunks: Vec<_> = layout.chunks.iter().map(|c| c.first_point..c.first_point + c.points.len()).collect();
+    let (t, e) = (twin.precondition_group(&chunks, &cameras), exact.precondition_group(&chunks, &cameras));
+    let of_groups = bench.words(&buffers.group_sums, 64 * t.len());
+    if !t.is_empty() {
+        compare("precondition_group", &of_groups, flat(&t), flat(&e));
+    }
 
     bench.run("precondition_factor");
     let (twin, _) = bench.twins();
-    check_inverses(&twin, &found);
+    check_inverses(&twin, &found, &|camera, k| {
+        let which = cameras.iter().position(|&c| c as usize == camera);
+        let slots = which.map(|which| of_groups.chunks(64).skip(which).step_by(cameras.len()));
+        slots.into_iter().flatten().map(|sums| f64::from(sums[k])).sum()
+    });
 
     bench.run("pcg_start");
     let (after, _) = bench.twins();
@@ -101,7 +111,7 @@ pub(super) fn check_preconditioner(bench: &Bench<'_>) {
 }
 
 /// Inverse times block is the identity, on the unknowns that move; and the right-hand side is the scaled sum.
-fn check_inverses(state: &State<f32>, block_sums: &[f32]) {
+fn check_inverses(state: &State<f32>, block_sums: &[f32], eliminated: &dyn Fn(usize, usize) -> f64) {
     let (images, units) = (state.images, state.images + state.cameras);
     for unit in 0..units {
         let members: Vec<usize> = match unit.checked_sub(images) {
@@ -115,7 +125,7 @@ fn check_inverses(state: &State<f32>, block_sums: &[f32]) {
             |k: usize| f64::from(if k < 6 { state.unit(0, unit)[k] } else { state.unit(0, images + camera)[k - 6] });
         let sum = |k: usize| -> f64 {
             let segments = members.iter().flat_map(|&i| state.segments_of(i));
-            segments.map(|s| f64::from(block_sums[120 * s + k])).sum()
+            segments.map(|s| f64::from(block_sums[SUMS * s + k])).sum()
         };
         let free: Vec<usize> = (begin..end).filter(|&k| scale(k) != 0.0).collect();
         for &i in &free {
@@ -124,7 +134,8 @@ fn check_inverses(state: &State<f32>, block_sums: &[f32]) {
                     .iter()
                     .map(|&k| {
                         let (low, high) = (i.min(k), i.max(k));
-                        let entry = scale(i) * scale(k) * sum(14 * low - low * (low + 1) / 2 + high);
+                        let points = if unit >= images { eliminated(camera, 8 * (low - 6) + high - 6) } else { 0.0 };
+                        let entry = scale(i) * scale(k) * (sum(14 * low - low * (low + 1) / 2 + high) - points);
                         let damped = if i == k { entry + f64::from(state.lambda) } else { entry };
                         damped * f64::from(state.inverses[unit][14 * k + j])
                     })

@@ -65,7 +65,8 @@ pub(super) fn check_cameras(bench: &Bench<'_>) {
             let of = |block: usize| state.intrinsics[c + block * cameras][k].value;
             let slot = if k == 1 && state.single_focal[c] { 0 } else { k };
             let step = state.unit(0, images + c)[slot].value * state.unit(2, images + c)[slot].value;
-            assert!((of(1) - of(0) - step).abs() <= 1e-6 * of(0).abs() + 1e-7, "camera {c}, parameter {k}");
+            let size = of(0).abs() + of(1).abs();
+            assert!((of(1) - of(0) - step).abs() <= 1e-6 * size + 1e-7, "camera {c}, parameter {k}");
             assert!((of(2) - (of(1) - of(0))).abs() <= 1e-7 * (of(1) - of(0)).abs());
         }
     }

@@ -45,6 +45,8 @@ pub(super) struct State<N> {
     /// fx, fy, cx, cy, k1, k2, p1, p2.
     pub(super) intrinsics: Vec<[N; 8]>,
     pub(super) single_focal: Vec<bool>,
+    /// Cameras with an exact block in the preconditioner.
+    pub(super) exact: Vec<bool>,
     pub(super) points: Vec<Point<N>>,
     pub(super) changes: Vec<[N; 4]>,
     /// Image (with OUT) and weight.
@@ -95,6 +97,7 @@ impl<N: Num> State<N> {
                 })
                 .collect(),
             single_focal: intrinsics.chunks_exact(12).map(|w| w[8] == 1).collect(),
+            exact: intrinsics.chunks_exact(12).map(|w| w[11] == 1).collect(),
             intrinsics: intrinsics.chunks_exact(12).map(|w| std::array::from_fn(|k| real(w[k]))).collect(),
             points: Vec::new(),
             changes: Vec::new(),
