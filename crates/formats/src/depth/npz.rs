@@ -64,6 +64,8 @@ fn entries(bytes: &[u8]) -> Result<Vec<Entry<'_>>, Problem> {
     let count = u16_of(&mut cursor)?;
     cursor.take(4)?;
     let offset = cursor.u32()? as usize;
+    let comment = u16_of(&mut cursor)?;
+    cursor.take(comment.into())?;
     let directory = bytes.get(offset..end).ok_or_else(|| wrong("its directory lies outside the file"))?;
     let mut cursor = Cursor::new(directory);
     (0..count).map(|_| entry(&mut cursor)).collect()

@@ -6,6 +6,8 @@ mod map;
 mod options;
 mod register;
 mod sample;
+#[cfg(test)]
+mod tests;
 
 pub use input::{DepthInput, UnreadableMap};
 pub use keypoints::{ImageDepths, KeypointDepth};
