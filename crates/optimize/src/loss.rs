@@ -10,6 +10,8 @@ pub enum Loss {
     Huber(f64),
     /// ρ(s) = c² ln(1 + s/c²); c in px.
     Cauchy(f64),
+    /// ρ(s) = s c²/(c² + s), less than c² whatever the residual (Geman–McClure); c in px.
+    GemanMcClure(f64),
 }
 
 impl Loss {
@@ -17,7 +19,7 @@ impl Loss {
     pub fn is_valid(self) -> bool {
         match self {
             Self::Squared => true,
-            Self::Huber(scale) | Self::Cauchy(scale) => scale.is_finite() && scale > 0.0,
+            Self::Huber(scale) | Self::Cauchy(scale) | Self::GemanMcClure(scale) => scale.is_finite() && scale > 0.0,
         }
     }
 
@@ -29,6 +31,15 @@ impl Loss {
             Self::Huber(d) if s <= d * d => s,
             Self::Huber(d) => 2.0 * d * s.sqrt() - d * d,
             Self::Cauchy(c) => c * c * (s / (c * c)).ln_1p(),
+            Self::GemanMcClure(c) => s / (1.0 + s / (c * c)),
+        }
+    }
+
+    /// What ρ(s) stays below, for losses that stay below something.
+    pub fn bound(self) -> Option<f64> {
+        match self {
+            Self::GemanMcClure(c) => Some(c * c),
+            _ => None,
         }
     }
 
@@ -40,6 +51,7 @@ impl Loss {
             Self::Huber(d) if s <= d * d => 1.0,
             Self::Huber(d) => d / s.sqrt(),
             Self::Cauchy(c) => 1.0 / (1.0 + s / (c * c)),
+            Self::GemanMcClure(c) => (1.0 + s / (c * c)).powi(-2),
         }
     }
 
@@ -51,6 +63,7 @@ impl Loss {
             Self::Squared => 1.0,
             Self::Huber(d) => f64::from(u8::from(s <= d * d)),
             Self::Cauchy(c) => (c * c - s) / (c * c + s),
+            Self::GemanMcClure(c) => (c * c - 3.0 * s) / (c * c + s),
         }
     }
 
@@ -70,6 +83,7 @@ impl Loss {
                 // −1 is the limit of a residual that falls to nothing from infinity; rounding may step past it.
                 if ratio > -1.0 { c * c * ratio.ln_1p() } else { self.value(after) - self.value(s) }
             }
+            Self::GemanMcClure(c) => change.max(-s) / ((1.0 + s / (c * c)) * (1.0 + after / (c * c))),
         }
     }
 }
@@ -78,7 +92,7 @@ impl Loss {
 mod tests {
     use super::*;
 
-    const LOSSES: [Loss; 3] = [Loss::Squared, Loss::Huber(1.5), Loss::Cauchy(0.7)];
+    const LOSSES: [Loss; 4] = [Loss::Squared, Loss::Huber(1.5), Loss::Cauchy(0.7), Loss::GemanMcClure(1.2)];
 
     #[test]
     fn weight_is_the_slope_of_the_value() {

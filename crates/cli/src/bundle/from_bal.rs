@@ -44,6 +44,7 @@ pub(super) fn problem(bal: &BalProblem) -> Result<(Problem, Signs), CliError> {
         observation_image: vec![0; bal.observations.len()],
         observation_px: vec![DVec2::ZERO; bal.observations.len()],
         loss: Loss::Squared,
+        depth: None,
     };
     for &(_, point, _) in &bal.observations {
         problem.track_start[point as usize + 1] += 1;

@@ -28,6 +28,7 @@ pub(super) fn problem(reconstruction: &Reconstruction, intrinsics: BundleIntrins
         observation_image: Vec::with_capacity(total),
         observation_px: Vec::with_capacity(total),
         loss: Loss::Squared,
+        depth: None,
     };
     problem.track_start.push(0);
     for point in &reconstruction.points {

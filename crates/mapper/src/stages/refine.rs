@@ -122,6 +122,7 @@ pub async fn adjust(
         observation_image: Vec::new(),
         observation_px: Vec::new(),
         loss: Loss::Huber(options.huber_px),
+        depth: None,
     };
     let mut adjusted = Vec::new();
     for (p, point) in reconstruction.points.iter().enumerate() {

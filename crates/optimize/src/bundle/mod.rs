@@ -4,6 +4,7 @@
 //! in `f64`, or solved by PCG without forming it, whichever is estimated to be faster. The gauge is free.
 
 pub mod cpu;
+mod depth;
 mod frustum;
 #[cfg(feature = "gpu")]
 pub mod gpu;
@@ -13,6 +14,7 @@ mod validate;
 
 use epipole_geometry::camera::Real;
 
+pub use depth::{DEPTH_LOSS_SIGMAS, Depth};
 pub use options::{Options, Preconditioner, Solver};
 pub use problem::{ParamPrior, PoseFreedom, Problem};
 
@@ -36,7 +38,18 @@ pub fn solve_with<T: Real>(
     if problem.only_points_move() {
         return Ok(cpu::solve_points(problem, options, observer));
     }
-    let mut system = cpu::CpuSystem::<T>::new(problem, options)?;
+    match &problem.depth {
+        Some(depth) if depth.is_any() => solve_rows::<T, { cpu::WITH_DEPTH }>(problem, options, observer),
+        _ => solve_rows::<T, { cpu::PIXELS }>(problem, options, observer),
+    }
+}
+
+fn solve_rows<T: Real, const ROWS: usize>(
+    problem: &mut Problem,
+    options: &Options,
+    observer: &mut dyn Observer,
+) -> Result<LmReport, OptimizeError> {
+    let mut system = cpu::CpuSystem::<T, ROWS>::new(problem, options)?;
     let mut report = block_on(minimize(&mut system, &options.lm, observer));
     report.final_cost = system.write(problem);
     Ok(report)

@@ -4,6 +4,7 @@ use epipole_geometry::Rigid3;
 use epipole_geometry::camera::{Camera, MAX_PARAMS};
 use glam::{DVec2, DVec3};
 
+use super::depth::Depth;
 use crate::loss::Loss;
 
 /// What of a pose may move.
@@ -31,7 +32,8 @@ pub struct ParamPrior {
 }
 
 /// Minimise `½ Σ ρ(‖project(K, R (X − C)) − x‖²)` over poses, intrinsics and points. Observations are sorted by point.
-/// Building one needs no device. The answer is defined up to a similarity where no pose is fixed.
+/// Building one needs no device. The answer is defined up to a similarity where no pose is fixed, or up to a rigid motion
+/// with [`Problem::depth`].
 #[derive(Clone, Debug, Default)]
 pub struct Problem {
     /// Pose of each image; refined.
@@ -58,6 +60,8 @@ pub struct Problem {
     pub observation_px: Vec<DVec2>,
     /// Loss of the pixel residual.
     pub loss: Loss,
+    /// Metric depth of observations. Spherical cameras have none: their weights must be 0.
+    pub depth: Option<Depth>,
 }
 
 impl Problem {

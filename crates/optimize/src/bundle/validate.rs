@@ -1,5 +1,7 @@
 //! Checks a problem once, so that nothing later can index out of range or meet a NaN.
 
+use epipole_geometry::camera::CameraFamily;
+
 use super::problem::Problem;
 use crate::error::OptimizeError;
 
@@ -41,7 +43,24 @@ impl Problem {
                 ensure(good, "param_priors", row, "a finite mean with a positive sigma")?;
             }
         }
-        ensure(self.loss.is_valid(), "loss", 0, "a loss with a positive finite scale")
+        ensure(self.loss.is_valid(), "loss", 0, "a loss with a positive finite scale")?;
+        self.validate_depth(observations)
+    }
+
+    fn validate_depth(&self, observations: usize) -> Result<(), OptimizeError> {
+        let Some(depth) = &self.depth else { return Ok(()) };
+        length("depth.inverse", depth.inverse.len(), observations)?;
+        length("depth.weight", depth.weight.len(), observations)?;
+        all("depth.inverse", "a finite inverse depth, 0 or more", &depth.inverse, |v| v.is_finite() && *v >= 0.0)?;
+        all("depth.weight", "a finite weight, 0 or more", &depth.weight, |v| v.is_finite() && *v >= 0.0)?;
+        let spherical = |o: usize| {
+            let camera = self.image_camera[self.observation_image[o] as usize];
+            self.cameras[camera as usize].model.family() == CameraFamily::Spherical
+        };
+        for (o, &weight) in depth.weight.iter().enumerate() {
+            ensure(weight == 0.0 || !spherical(o), "depth.weight", o, "0 in the images of spherical cameras")?;
+        }
+        ensure(depth.loss.is_valid(), "depth.loss", 0, "a loss with a positive finite scale")
     }
 
     fn validate_tracks(&self, observations: usize) -> Result<(), OptimizeError> {

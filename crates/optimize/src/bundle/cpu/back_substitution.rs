@@ -20,9 +20,9 @@ pub(super) struct Promise {
 }
 
 /// Moves every free point: `next = points − (R̃ᵀR̃)⁻¹ J_pᵀ(r + J_c x)`.
-pub(super) fn back_substitute<T: Real>(
+pub(super) fn back_substitute<T: Real, const ROWS: usize>(
     structure: &Structure,
-    linearization: &Linearization<T>,
+    linearization: &Linearization<T, ROWS>,
     damped: &[DampedPoint],
     step: &CameraStep<T>,
     points: &[Vec3<T>],
@@ -32,7 +32,7 @@ pub(super) fn back_substitute<T: Real>(
     let pieces = parallel::split_mut(next, &groups.points);
     let mut pieces: Vec<_> = pieces.into_iter().map(|next| (next, Promise::default())).collect();
     parallel::for_each_mut(&mut pieces, |g, (next, promise)| {
-        let mut moved: Vec<[T; 2]> = Vec::new();
+        let mut moved: Vec<[T; ROWS]> = Vec::new();
         for (next, p) in next.iter_mut().zip(groups.points[g]..) {
             let mut gradient = [0.0; 3];
             moved.clear();
@@ -53,7 +53,7 @@ pub(super) fn back_substitute<T: Real>(
             for (v, o) in moved.iter().zip(structure.track(p)) {
                 let row = &linearization.rows[o];
                 let by_point = row.point_product(&y);
-                for k in 0..2 {
+                for k in 0..ROWS {
                     let m = v[k].to_f64() - by_point[k];
                     promise.decrease -= m * (row.residual[k].to_f64() + 0.5 * m);
                 }

@@ -39,10 +39,10 @@ impl SecondLevel {
     }
 
     /// The space for a step, as old as [`REBUILD_AFTER`] allows.
-    pub(super) fn at<T: Real>(
+    pub(super) fn at<T: Real, const ROWS: usize>(
         &mut self,
         structure: &Structure,
-        linearization: &Linearization<T>,
+        linearization: &Linearization<T, ROWS>,
         normal: &CameraNormal,
         damped: &[DampedPoint],
         centers: &[DVec3],
@@ -69,9 +69,9 @@ impl SecondLevel {
     }
 }
 
-fn build<T: Real>(
+fn build<T: Real, const ROWS: usize>(
     structure: &Structure,
-    linearization: &Linearization<T>,
+    linearization: &Linearization<T, ROWS>,
     normal: &CameraNormal,
     damped: &[DampedPoint],
     centers: &[DVec3],

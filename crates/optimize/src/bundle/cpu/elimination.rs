@@ -22,7 +22,11 @@ pub(super) struct DampedPoint {
 }
 
 /// All points at one damping.
-pub(super) fn damp_points<T: Real>(linearization: &Linearization<T>, lambda: f64, out: &mut Vec<DampedPoint>) {
+pub(super) fn damp_points<T: Real, const ROWS: usize>(
+    linearization: &Linearization<T, ROWS>,
+    lambda: f64,
+    out: &mut Vec<DampedPoint>,
+) {
     let root = lambda.sqrt();
     let empty = DampedPoint { triangle: [0.0; 6], gradient: [0.0; 3] };
     out.clear();
@@ -39,9 +43,9 @@ pub(super) fn damp_points<T: Real>(linearization: &Linearization<T>, lambda: f64
 }
 
 /// `matrix −= Σ_points E Eᵀ`, `rhs += Σ_points E R̃⁻ᵀ J_pᵀ r`.
-pub(super) fn subtract_points<T: Real>(
+pub(super) fn subtract_points<T: Real, const ROWS: usize>(
     structure: &Structure,
-    linearization: &Linearization<T>,
+    linearization: &Linearization<T, ROWS>,
     damped: &[DampedPoint],
     matrix: &mut BlockMatrix,
     rhs: &mut [f64],
@@ -54,9 +58,9 @@ pub(super) fn subtract_points<T: Real>(
 }
 
 /// `Eᵀ` of every participant of a point, into zeroed memory.
-pub(super) fn point_factors<T: Real>(
+pub(super) fn point_factors<T: Real, const ROWS: usize>(
     structure: &Structure,
-    linearization: &Linearization<T>,
+    linearization: &Linearization<T, ROWS>,
     damped: &DampedPoint,
     p: usize,
     factors: &mut [f64],
@@ -104,16 +108,16 @@ pub(super) fn point_factors<T: Real>(
 }
 
 #[inline(always)]
-fn add_pose<T: Real>(
-    linearization: &Linearization<T>,
+fn add_pose<T: Real, const ROWS: usize>(
+    linearization: &Linearization<T, ROWS>,
     o: usize,
-    z: &[Vec3<f64>; 2],
+    z: &[Vec3<f64>; ROWS],
     dof: usize,
     pitch: usize,
     out: &mut [f64],
 ) {
     for k in 0..3 {
-        let (rotation, center) = linearization.pose_transposed(o, [z[0][k], z[1][k]]);
+        let (rotation, center) = linearization.pose_transposed(o, std::array::from_fn(|row| z[row][k]));
         let line = &mut out[k * pitch..][..dof];
         if dof == 6 {
             (0..3).for_each(|n| line[n] += rotation[n]);

@@ -16,19 +16,19 @@ use crate::parallel;
 use crate::reduced::LinearOperator;
 
 /// See the module.
-pub(super) struct ImplicitOperator<'a, T> {
+pub(super) struct ImplicitOperator<'a, T, const ROWS: usize> {
     pub(super) structure: &'a Structure,
-    pub(super) linearization: &'a Linearization<T>,
+    pub(super) linearization: &'a Linearization<T, ROWS>,
     pub(super) damped: &'a [DampedPoint],
     pub(super) normal: &'a CameraNormal,
     /// `λ diag(JᵀJ)` plus the priors' own diagonal.
     pub(super) diagonal: Vec<f64>,
     pub(super) lambda: f64,
     /// `v⊥`, one per observation.
-    pub(super) projected: Vec<[T; 2]>,
+    pub(super) projected: Vec<[T; ROWS]>,
 }
 
-impl<T: Real> LinearOperator for ImplicitOperator<'_, T> {
+impl<T: Real, const ROWS: usize> LinearOperator for ImplicitOperator<'_, T, ROWS> {
     fn apply(&mut self, x: &[f64], out: &mut [f64]) -> f64 {
         let step = CameraStep::<T>::new(self.structure, x);
         let groups = PointGroups::new(self.structure);
@@ -54,7 +54,7 @@ impl<T: Real> LinearOperator for ImplicitOperator<'_, T> {
                 let y = from_f64(y);
                 for o in structure.track(p) {
                     let v = &mut projected[o - first];
-                    for k in 0..2 {
+                    for k in 0..ROWS {
                         v[k] -= dot(&linearization.rows[o].point[k], &y);
                         *squares += (v[k] * v[k]).to_f64();
                     }

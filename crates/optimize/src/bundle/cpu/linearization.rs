@@ -5,8 +5,10 @@
 
 use epipole_geometry::camera::{MAX_PARAMS, Real};
 
+use super::PIXELS;
 use super::point_block::{Triangle, has_full_rank, triangle};
 use super::projection::Side;
+use super::rows::{Losses, depth_row};
 use super::small::{Vec3, add, cross, dot, rotate, row_times, to_f64};
 use super::state::{Cameras, Lattice, Points};
 use super::structure::Structure;
@@ -21,13 +23,13 @@ pub(super) const MAX_BLOCK: usize = 6 + MAX_PARAMS;
 
 /// An observation's derivatives, multiplied by √w; all zero where it is inactive.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Row<T> {
-    /// By the point, 2 × 3.
-    pub(super) point: [Vec3<T>; 2],
+pub(super) struct Row<T, const ROWS: usize> {
+    /// By the point: the pixel's two rows and, with depth, the inverse depth's, zero where it is unknown.
+    pub(super) point: [Vec3<T>; ROWS],
     /// X − C in the world frame.
     pub(super) ray: Vec3<T>,
     /// The residual.
-    pub(super) residual: [T; 2],
+    pub(super) residual: [T; ROWS],
 }
 
 /// A point's undamped block, in `f64` whatever the rows are: the reduced matrix stays positive definite only if its two
@@ -43,9 +45,9 @@ pub(super) struct PointBlock {
 
 /// The linearised problem.
 #[derive(Clone, Debug)]
-pub(super) struct Linearization<T> {
-    pub(super) rows: Vec<Row<T>>,
-    /// By the refined parameters: per observation 2 × `stride`.
+pub(super) struct Linearization<T, const ROWS: usize> {
+    pub(super) rows: Vec<Row<T, ROWS>>,
+    /// By the refined parameters: per observation 2 × `stride`; depth does not depend on them.
     pub(super) params: Vec<T>,
     pub(super) stride: usize,
     pub(super) points: Vec<PointBlock>,
@@ -61,7 +63,7 @@ struct RobustTransform<T> {
 
 impl<T: Real> RobustTransform<T> {
     #[inline(always)]
-    fn new(loss: Loss, floor: f64, r: &[T; 2]) -> Self {
+    fn new<const ROWS: usize>(loss: Loss, floor: f64, r: &[T; ROWS]) -> Self {
         let s = (r[0] * r[0] + r[1] * r[1]).to_f64();
         let root = loss.weight(s).sqrt();
         let across = T::from_f64(root);
@@ -83,23 +85,32 @@ impl<T: Real> RobustTransform<T> {
     }
 }
 
-impl<T: Real> Row<T> {
-    const EMPTY: Self = Self { point: [[T::ZERO; 3]; 2], ray: [T::ZERO; 3], residual: [T::ZERO; 2] };
+impl<T: Real, const ROWS: usize> Row<T, ROWS> {
+    const EMPTY: Self = Self { point: [[T::ZERO; 3]; ROWS], ray: [T::ZERO; 3], residual: [T::ZERO; ROWS] };
+
+    /// Whether the observation takes part.
+    #[inline(always)]
+    pub(super) fn is_active(&self) -> bool {
+        self.point[..PIXELS] != [[T::ZERO; 3]; PIXELS]
+    }
 
     /// `J_pᵀ e`.
     #[inline(always)]
-    pub(super) fn point_transposed(&self, e: [f64; 2]) -> Vec3<f64> {
-        std::array::from_fn(|k| self.point[0][k].to_f64() * e[0] + self.point[1][k].to_f64() * e[1])
+    pub(super) fn point_transposed(&self, e: [f64; ROWS]) -> Vec3<f64> {
+        std::array::from_fn(|k| {
+            let sum = self.point[0][k].to_f64() * e[0] + self.point[1][k].to_f64() * e[1];
+            if ROWS == PIXELS { sum } else { sum + self.point[PIXELS][k].to_f64() * e[PIXELS] }
+        })
     }
 
     /// `J_p y`.
     #[inline(always)]
-    pub(super) fn point_product(&self, y: &Vec3<f64>) -> [f64; 2] {
+    pub(super) fn point_product(&self, y: &Vec3<f64>) -> [f64; ROWS] {
         self.point.map(|row| dot(&to_f64(row), y))
     }
 }
 
-impl<T: Real> Linearization<T> {
+impl<T: Real, const ROWS: usize> Linearization<T, ROWS> {
     pub(super) fn new(structure: &Structure) -> Self {
         let observations = structure.image.len();
         let block = PointBlock { triangle: [0.0; 6], gradient: [0.0; 3], free: false };
@@ -118,9 +129,9 @@ impl<T: Real> Linearization<T> {
         lattice: &Lattice,
         cameras: &Cameras<T>,
         points: &Points<T>,
-        residual: &[[T; 2]],
+        residual: &[[T; ROWS]],
         active: &ActiveSet,
-        loss: Loss,
+        losses: Losses,
         radial_floor: f64,
         side: Side,
     ) {
@@ -153,12 +164,12 @@ impl<T: Real> Linearization<T> {
                     let params_of_view = &cameras.view_params[c];
                     let Some(projection) = side.differentiate(structure.model[c], params_of_view, q) else { continue };
                     let r = residual[o];
-                    let transform = RobustTransform::new(loss, radial_floor, &r);
+                    let transform = RobustTransform::new(losses.pixel, radial_floor, &r);
                     let row = &mut rows[local];
                     row.ray = ray;
-                    row.residual = r.map(|v| v * transform.residual);
+                    (0..PIXELS).for_each(|k| row.residual[k] = r[k] * transform.residual);
                     let by_point = transform.apply(&projection.d_point);
-                    for k in 0..2 {
+                    for k in 0..PIXELS {
                         row.point[k] = row_times(&by_point[k], &view.rotation);
                         let wide = to_f64(row.point[k]);
                         columns.iter_mut().zip(wide).for_each(|(column, v)| column.push(v));
@@ -168,6 +179,16 @@ impl<T: Real> Linearization<T> {
                             *slot = transform.rows[k][0] * by_param[0] + transform.rows[k][1] * by_param[1];
                         }
                     }
+                    let [_, weight] = if ROWS > PIXELS { structure.depth(o) } else { [0.0; 2] };
+                    if weight > 0.0 {
+                        let (by_depth, along) = robust_scales(losses.depth, radial_floor, r[PIXELS]);
+                        let third_row = [view.rotation[6], view.rotation[7], view.rotation[8]];
+                        row.point[PIXELS] = depth_row(q[2], weight, third_row).map(|v| v * by_depth);
+                        row.residual[PIXELS] = r[PIXELS] * along;
+                        let wide = to_f64(row.point[PIXELS]);
+                        columns.iter_mut().zip(wide).for_each(|(column, v)| column.push(v));
+                        block.gradient = add(&block.gradient, &wide.map(|v| v * row.residual[PIXELS].to_f64()));
+                    }
                     count += 1;
                 }
                 block.triangle = triangle(&mut columns);
@@ -176,7 +197,7 @@ impl<T: Real> Linearization<T> {
         });
     }
 
-    /// Derivatives by the parameters of an observation's camera, both rows.
+    /// Derivatives of the pixel by the parameters of an observation's camera, both rows.
     #[inline(always)]
     pub(super) fn param_rows(&self, o: usize, count: usize) -> [&[T]; 2] {
         let start = o * 2 * self.stride;
@@ -185,15 +206,17 @@ impl<T: Real> Linearization<T> {
 
     /// `J_c x` for a pose step (world rotation, centre) and a parameter step.
     #[inline(always)]
-    pub(super) fn camera_product(&self, o: usize, pose: &([T; 3], [T; 3]), params: &[T]) -> [T; 2] {
+    pub(super) fn camera_product(&self, o: usize, pose: &([T; 3], [T; 3]), params: &[T]) -> [T; ROWS] {
         let row = &self.rows[o];
         let moved = cross(&pose.0, &row.ray);
         let moved = [moved[0] - pose.1[0], moved[1] - pose.1[1], moved[2] - pose.1[2]];
         let by_params = self.param_rows(o, params.len());
         std::array::from_fn(|k| {
             let mut sum = dot(&row.point[k], &moved);
-            for (a, b) in by_params[k].iter().zip(params) {
-                sum += *a * *b;
+            if k < PIXELS {
+                for (a, b) in by_params[k].iter().zip(params) {
+                    sum += *a * *b;
+                }
             }
             sum
         })
@@ -201,11 +224,20 @@ impl<T: Real> Linearization<T> {
 
     /// `J_cᵀ e`: by the world rotation and by the centre.
     #[inline(always)]
-    pub(super) fn pose_transposed(&self, o: usize, e: [f64; 2]) -> ([f64; 3], [f64; 3]) {
+    pub(super) fn pose_transposed(&self, o: usize, e: [f64; ROWS]) -> ([f64; 3], [f64; 3]) {
         let row = &self.rows[o];
         let g = row.point_transposed(e);
         (cross(&to_f64(row.ray), &g), g.map(|v| -v))
     }
+}
+
+/// [`RobustTransform`] of a single row: what its derivatives are multiplied by, and its residual.
+#[inline(always)]
+fn robust_scales<T: Real>(loss: Loss, floor: f64, r: T) -> (T, T) {
+    let s = r.to_f64().powi(2);
+    let root = loss.weight(s).sqrt();
+    let along = loss.radial_curvature(s).max(floor).sqrt().min(1.0);
+    (T::from_f64(root * along), T::from_f64(root / along))
 }
 
 /// Points cut into groups of fixed size.

@@ -2,6 +2,7 @@
 
 use epipole_geometry::camera::Real;
 
+use super::PIXELS;
 use super::linearization::{Linearization, MAX_BLOCK};
 use super::structure::Structure;
 use crate::bundle::problem::ParamPrior;
@@ -40,9 +41,9 @@ pub(super) struct CameraNormal {
 }
 
 impl CameraNormal {
-    pub(super) fn new<T: Real>(
+    pub(super) fn new<T: Real, const ROWS: usize>(
         structure: &Structure,
-        linearization: &Linearization<T>,
+        linearization: &Linearization<T, ROWS>,
         priors: &[Vec<ParamPrior>],
         params: &[[f64; epipole_geometry::camera::MAX_PARAMS]],
     ) -> Self {
@@ -181,10 +182,10 @@ impl CameraNormal {
 }
 
 /// `J_cᵀ e`, images in parallel, each summing its observations in ascending order.
-pub(super) fn transposed_product<T: Real>(
+pub(super) fn transposed_product<T: Real, const ROWS: usize>(
     structure: &Structure,
-    linearization: &Linearization<T>,
-    error: impl Fn(usize) -> [f64; 2] + Sync + Send,
+    linearization: &Linearization<T, ROWS>,
+    error: impl Fn(usize) -> [f64; ROWS] + Sync + Send,
 ) -> Vec<f64> {
     let sums = parallel::map_indices(structure.num_images(), |i| {
         let dof = structure.pose_dof[i] as usize;
@@ -227,7 +228,11 @@ fn unknown(structure: &Structure, image: usize, k: usize) -> usize {
     }
 }
 
-fn image_block<T: Real>(structure: &Structure, linearization: &Linearization<T>, i: usize) -> ImageBlock {
+fn image_block<T: Real, const ROWS: usize>(
+    structure: &Structure,
+    linearization: &Linearization<T, ROWS>,
+    i: usize,
+) -> ImageBlock {
     let dof = structure.pose_dof[i] as usize;
     let size = dof + structure.free_params[structure.camera[i] as usize].len();
     let mut block = ImageBlock { size, normal: vec![0.0; size * size], gradient: vec![0.0; size], active: 0 };
@@ -242,29 +247,29 @@ fn image_block<T: Real>(structure: &Structure, linearization: &Linearization<T>,
     block
 }
 
-struct Accumulate<'a, T> {
+struct Accumulate<'a, T, const ROWS: usize> {
     structure: &'a Structure,
-    linearization: &'a Linearization<T>,
+    linearization: &'a Linearization<T, ROWS>,
     i: usize,
     size: usize,
     block: &'a mut ImageBlock,
 }
 
-struct Padded<'a, T, const N: usize>(Accumulate<'a, T>);
+struct Padded<'a, T, const ROWS: usize, const N: usize>(Accumulate<'a, T, ROWS>);
 
-impl<'a, T: Real> Accumulate<'a, T> {
-    fn padded<const N: usize>(self) -> Padded<'a, T, N> {
+impl<'a, T: Real, const ROWS: usize> Accumulate<'a, T, ROWS> {
+    fn padded<const N: usize>(self) -> Padded<'a, T, ROWS, N> {
         Padded(self)
     }
 
     fn count_active(&mut self) {
         let rows = &self.linearization.rows;
         let observations = self.structure.observations_of(self.i);
-        self.block.active = observations.iter().filter(|&&o| rows[o as usize].point != [[T::ZERO; 3]; 2]).count();
+        self.block.active = observations.iter().filter(|&&o| rows[o as usize].is_active()).count();
     }
 }
 
-impl<T: Real, const N: usize> Vectorized for Padded<'_, T, N> {
+impl<T: Real, const ROWS: usize, const N: usize> Vectorized for Padded<'_, T, ROWS, N> {
     #[inline(always)]
     fn run<const FMA: bool>(mut self) {
         let sum = &mut self.0;
@@ -275,11 +280,11 @@ impl<T: Real, const N: usize> Vectorized for Padded<'_, T, N> {
         let mut gradient = [0.0f64; N];
         for &o in sum.structure.observations_of(sum.i) {
             let row = &sum.linearization.rows[o as usize];
-            if row.point == [[T::ZERO; 3]; 2] {
+            if !row.is_active() {
                 continue;
             }
             let params = sum.linearization.param_rows(o as usize, sum.size - dof);
-            for k in 0..2 {
+            for k in 0..ROWS {
                 let mut j = [0.0f64; N];
                 let a = row.point[k];
                 if dof == 6 {
@@ -289,8 +294,10 @@ impl<T: Real, const N: usize> Vectorized for Padded<'_, T, N> {
                 if dof >= 3 {
                     (0..3).for_each(|c| j[dof - 3 + c] = -a[c].to_f64());
                 }
-                for (slot, p) in j[dof..].iter_mut().zip(params[k]) {
-                    *slot = p.to_f64();
+                if k < PIXELS {
+                    for (slot, p) in j[dof..].iter_mut().zip(params[k]) {
+                        *slot = p.to_f64();
+                    }
                 }
                 let residual = row.residual[k].to_f64();
                 for u in 0..N {

@@ -4,22 +4,23 @@ use super::depth_limits::DepthLimits;
 use super::linearization::PointGroups;
 use super::point_block::{column_norms_squared, damp, fold_row, has_full_rank, solve_normal};
 use super::revive::{Revival, Whom};
+use super::rows::{Losses, depth_row};
 use super::small::{Vec3, add, rotate, row_times, sub};
 use super::state::{Cameras, Lattice, Points};
 use super::structure::Structure;
 use super::trial::{evaluate, residual};
+use super::{PIXELS, WITH_DEPTH};
 use crate::active::{Activation, ActiveSet};
 use crate::bundle::options::Options;
 use crate::bundle::problem::Problem;
 use crate::lm::{IterationRecord, LmOptions, LmReport, Observer, Termination};
-use crate::loss::Loss;
 use crate::parallel;
 
 struct Context<'a> {
     structure: &'a Structure,
     cameras: &'a Cameras<f64>,
     depths: &'a DepthLimits,
-    loss: Loss,
+    losses: Losses,
     activation: Activation,
     lm: &'a LmOptions,
 }
@@ -51,25 +52,26 @@ fn start(
     cameras: &Cameras<f64>,
     depths: &DepthLimits,
 ) -> Start {
-    let (lattice, loss) = (Lattice { cell: 0.0 }, problem.loss);
+    let (lattice, losses) = (Lattice { cell: 0.0 }, Losses::new(problem));
     let mut points = Points::<f64>::new(problem, &lattice);
-    let mut set = ActiveSet::new(activation, loss, structure.image.len());
+    let mut set = ActiveSet::new(activation, losses.pixel, structure.image.len());
     if !set.is_dynamic() {
         return Start { points, activation, cost: None };
     }
-    let mut residuals = vec![[0.0; 2]; structure.image.len()];
+    let mut residuals = vec![[0.0; WITH_DEPTH]; structure.image.len()];
     evaluate(structure, &lattice, cameras, &points, depths, &mut residuals);
-    let square = |r: &[f64; 2]| r[0] * r[0] + r[1] * r[1];
-    let enters = |residuals: &[[f64; 2]], o: usize| {
+    let square = |r: &[f64; WITH_DEPTH]| r[0] * r[0] + r[1] * r[1];
+    let enters = |residuals: &[[f64; WITH_DEPTH]], o: usize| {
         let px = std::array::from_fn(|k| structure.px[o][k] + residuals[o][k]);
         depths.frusta.contains(structure.image[o] as usize, px)
     };
     let before = residuals.clone();
     set.lower_limit(|o| square(&residuals[o]), |o| enters(&residuals, o));
-    Revival::new(structure, &lattice, cameras, depths, &set, loss).run(Whom::Incomplete, &mut points, &mut residuals);
+    Revival::new(structure, &lattice, cameras, depths, &set, losses).run(Whom::Incomplete, &mut points, &mut residuals);
     set.lower_limit(|o| square(&residuals[o]), |o| enters(&residuals, o));
     let residual_limit_px = set.limit_px();
-    let cost = set.update(|o| loss.value(square(&before[o])), |_| f64::NAN, |o| enters(&before, o));
+    let rho = |o: usize| losses.value(structure, o, &before[o]);
+    let cost = losses.offset(structure) + set.update(rho, |_| f64::NAN, |o| enters(&before, o));
     Start { points, activation: Activation::Truncated { residual_limit_px }, cost: Some(cost) }
 }
 
@@ -84,7 +86,7 @@ pub(crate) fn solve_points(problem: &mut Problem, options: &Options, observer: &
         structure: &structure,
         cameras: &cameras,
         depths: &depths,
-        loss: problem.loss,
+        losses: Losses::new(problem),
         activation: start.activation,
         lm: &options.lm,
     };
@@ -138,15 +140,16 @@ pub(crate) fn solve_points(problem: &mut Problem, options: &Options, observer: &
 impl Context<'_> {
     fn solve(&self, p: usize, outcome: &mut Outcome, stop: bool) {
         let track = self.structure.track(p);
-        let mut set = ActiveSet::new(self.activation, self.loss, track.len());
+        let mut set = ActiveSet::new(self.activation, self.losses.pixel, track.len());
         let mut residuals = self.residuals(p, &outcome.position);
-        let rho = |r: &[f64; 2]| self.loss.value(r[0] * r[0] + r[1] * r[1]);
-        let enters = |residuals: &[[f64; 2]], k: usize| {
+        let rho = |k: usize, r: &[f64; WITH_DEPTH]| self.losses.value(self.structure, track.start + k, r);
+        let offset = self.losses.track_offset(self.structure, track.clone());
+        let enters = |residuals: &[[f64; WITH_DEPTH]], k: usize| {
             let o = track.start + k;
             let px = std::array::from_fn(|n| self.structure.px[o][n] + residuals[k][n]);
             self.depths.frusta.contains(self.structure.image[o] as usize, px)
         };
-        let mut cost = set.update(|k| rho(&residuals[k]), |_| f64::NAN, |k| enters(&residuals, k));
+        let mut cost = offset + set.update(|k| rho(k, &residuals[k]), |_| f64::NAN, |k| enters(&residuals, k));
         (outcome.initial_cost, outcome.final_cost, outcome.active) = (cost, cost, set.count());
         if self.structure.fixed_points || stop {
             return;
@@ -164,18 +167,17 @@ impl Context<'_> {
             let after = self.residuals(p, &next);
             let mut change = 0.0;
             for k in (0..track.len()).filter(|&k| set.is_active(k)) {
-                let (a, b) = (residuals[k], after[k]);
-                let s = a[0] * a[0] + a[1] * a[1];
-                // One point alone does not step behind a camera.
-                let ds = (b[0] - a[0]) * (b[0] + a[0]) + (b[1] - a[1]) * (b[1] + a[1]);
-                change += self.loss.difference(s, ds);
+                // One point alone does not step behind a camera: NaN refuses the step.
+                let delta = std::array::from_fn(|row| after[k][row] - residuals[k][row]);
+                change += self.losses.difference(&residuals[k], &delta);
             }
             let gain = if predicted > 0.0 { -0.5 * change / predicted } else { 0.0 };
             if gain > self.lm.accept_gain && gain.is_finite() {
                 outcome.accepted += 1;
                 outcome.position = next;
                 let before = cost;
-                cost = set.update(|k| rho(&after[k]), |k| rho(&residuals[k]), |k| enters(&after, k));
+                let set_cost = set.update(|k| rho(k, &after[k]), |k| rho(k, &residuals[k]), |k| enters(&after, k));
+                cost = offset + set_cost;
                 residuals = after;
                 small = if -0.5 * change <= self.lm.relative_decrease_tolerance * before { small + 1 } else { 0 };
                 lambda = (lambda * (1.0 - (2.0 * gain.min(1.5) - 1.0).powi(3)).max(1.0 / 3.0)).max(self.lm.lambda_min);
@@ -200,12 +202,13 @@ impl Context<'_> {
         (i, self.structure.camera[i] as usize, rotate(&view.rotation, &sub(position, &view.center)))
     }
 
-    fn residuals(&self, p: usize, position: &Vec3<f64>) -> Vec<[f64; 2]> {
+    fn residuals(&self, p: usize, position: &Vec3<f64>) -> Vec<[f64; WITH_DEPTH]> {
         let one = |o: usize| {
             let (i, c, q) = self.camera_point(o, position);
             let params = &self.cameras.view_params[c];
             let (side, least) = (self.depths.side, self.depths.least(i));
-            residual(side, self.structure.model[c], params, q, least, self.structure.px[o])
+            let (px, depth) = (self.structure.px[o], self.structure.depth(o));
+            residual(side, self.structure.model[c], params, q, least, px, depth)
         };
         self.structure.track(p).map(one).collect()
     }
@@ -215,7 +218,7 @@ impl Context<'_> {
         &self,
         p: usize,
         position: &Vec3<f64>,
-        residuals: &[[f64; 2]],
+        residuals: &[[f64; WITH_DEPTH]],
         set: &ActiveSet,
         lambda: f64,
     ) -> Option<(Vec3<f64>, f64, f64)> {
@@ -226,10 +229,17 @@ impl Context<'_> {
             let projection =
                 self.depths.side.differentiate(self.structure.model[c], &self.cameras.view_params[c], q)?;
             let r = residuals[k];
-            let weight = self.loss.weight(r[0] * r[0] + r[1] * r[1]);
-            for n in 0..2 {
+            let weight = self.losses.pixel.weight(r[0] * r[0] + r[1] * r[1]);
+            for n in 0..PIXELS {
                 let row = row_times(&projection.d_point[n], &view.rotation);
                 gradient = add(&gradient, &row.map(|v| v * weight * r[n]));
+                fold_row(&mut triangle, row.map(|v| v * weight.sqrt()));
+            }
+            let [_, depth_weight] = self.structure.depth(o);
+            if depth_weight > 0.0 {
+                let weight = self.losses.depth.weight(r[PIXELS] * r[PIXELS]);
+                let row = depth_row(q[2], depth_weight, [view.rotation[6], view.rotation[7], view.rotation[8]]);
+                gradient = add(&gradient, &row.map(|v| v * weight * r[PIXELS]));
                 fold_row(&mut triangle, row.map(|v| v * weight.sqrt()));
             }
         }

@@ -77,10 +77,10 @@ impl ReducedSolver {
     }
 
     /// The camera step and the products it took; `None` where there is no solution.
-    pub(super) fn solve<T: Real>(
+    pub(super) fn solve<T: Real, const ROWS: usize>(
         &mut self,
         structure: &Structure,
-        linearization: &Linearization<T>,
+        linearization: &Linearization<T, ROWS>,
         normal: &CameraNormal,
         damped: &[DampedPoint],
         centers: &[DVec3],
@@ -113,7 +113,7 @@ impl ReducedSolver {
                 normal,
                 diagonal: normal.added_diagonal(lambda),
                 lambda,
-                projected: vec![[T::ZERO; 2]; structure.image.len()],
+                projected: vec![[T::ZERO; ROWS]; structure.image.len()],
             };
             pcg(&mut operator, precondition, &rhs, &self.pcg)
         };

@@ -8,12 +8,12 @@ use glam::{DMat3, DVec3};
 
 use super::depth_limits::DepthLimits;
 use super::point_block::{damp, fold_row, has_full_rank, solve_normal};
+use super::rows::Losses;
 use super::small::{Vec3, add, from_f64, rotate, row_times, sub, to_f64};
 use super::state::{Cameras, Lattice, Points, View};
 use super::structure::Structure;
 use super::trial::residual;
 use crate::active::ActiveSet;
-use crate::loss::Loss;
 use crate::parallel;
 
 /// Gauss–Newton steps: the first half on all observations that project, the second on those within the limit.
@@ -38,7 +38,7 @@ pub(super) struct Revival<'a> {
     pub(super) lattice: &'a Lattice,
     pub(super) depths: &'a DepthLimits,
     pub(super) active: &'a ActiveSet,
-    pub(super) loss: Loss,
+    pub(super) losses: Losses,
     views: Vec<View<f64>>,
     centers: Vec<Vec3<f64>>,
     params: Vec<[f64; MAX_PARAMS]>,
@@ -52,7 +52,7 @@ impl<'a> Revival<'a> {
         cameras: &Cameras<T>,
         depths: &'a DepthLimits,
         active: &'a ActiveSet,
-        loss: Loss,
+        losses: Losses,
     ) -> Self {
         let (views, params) = cameras.widened();
         let centers = views.iter().map(|v| lattice.position(&v.center_cell, &v.center).to_array()).collect();
@@ -65,11 +65,16 @@ impl<'a> Revival<'a> {
             has_prior_focal: false,
         };
         let cameras = structure.model.iter().zip(&params).map(camera).collect();
-        Self { structure, lattice, depths, active, loss, views, centers, params, cameras }
+        Self { structure, lattice, depths, active, losses, views, centers, params, cameras }
     }
 
     /// Moves the points that gain by it, with their residuals.
-    pub(super) fn run<T: Real>(&self, whom: Whom, points: &mut Points<T>, residuals: &mut [[T; 2]]) {
+    pub(super) fn run<T: Real, const ROWS: usize>(
+        &self,
+        whom: Whom,
+        points: &mut Points<T>,
+        residuals: &mut [[T; ROWS]],
+    ) {
         if self.structure.fixed_points {
             return;
         }
@@ -83,7 +88,7 @@ impl<'a> Revival<'a> {
             for o in self.structure.track(p) {
                 let view = &self.views[self.structure.image[o] as usize];
                 let ray = self.lattice.difference(&offset, points.cell(p), &view.center, &view.center_cell);
-                residuals[o] = from_f64(self.residual(o, rotate(&view.rotation, &ray)));
+                residuals[o] = from_f64(self.residual::<ROWS>(o, rotate(&view.rotation, &ray)));
             }
         }
     }
@@ -94,13 +99,18 @@ impl<'a> Revival<'a> {
         all >= 2 && (counting < 2 || 2 * counting < all || whom == Whom::Incomplete && counting < all)
     }
 
-    fn better<T: Real>(&self, p: usize, points: &Points<T>, residuals: &[[T; 2]]) -> Option<DVec3> {
+    fn better<T: Real, const ROWS: usize>(
+        &self,
+        p: usize,
+        points: &Points<T>,
+        residuals: &[[T; ROWS]],
+    ) -> Option<DVec3> {
         let track = self.structure.track(p);
         let before: f64 = track.map(|o| self.charge(o, &to_f64(residuals[o]))).sum();
-        let mut best = (before - LEAST_GAIN * self.loss.value(self.active.limit_px().powi(2)), None);
+        let mut best = (before - LEAST_GAIN * self.losses.pixel.value(self.active.limit_px().powi(2)), None);
         let mut position = self.nearest_to_rays(p)?;
         for step in 0..=STEPS {
-            let (cost, next) = self.step(p, &position, step > STEPS / 2);
+            let (cost, next) = self.step::<ROWS>(p, &position, step > STEPS / 2);
             if cost < best.0 && points.can_hold(&position, self.lattice) {
                 best = (cost, Some(DVec3::from_array(position)));
             }
@@ -130,15 +140,20 @@ impl<'a> Revival<'a> {
         position.is_finite().then(|| position.to_array())
     }
 
-    /// The point's share of the objective at a position, and the next one.
-    fn step(&self, p: usize, position: &Vec3<f64>, within_limit: bool) -> (f64, Option<Vec3<f64>>) {
+    /// The point's share of the objective at a position, and the next one: where the pixels alone want it.
+    fn step<const ROWS: usize>(
+        &self,
+        p: usize,
+        position: &Vec3<f64>,
+        within_limit: bool,
+    ) -> (f64, Option<Vec3<f64>>) {
         let (mut cost, mut used) = (0.0, 0);
         let (mut triangle, mut gradient) = ([0.0; 6], [0.0; 3]);
         for o in self.structure.track(p) {
             let i = self.structure.image[o] as usize;
             let view = &self.views[i];
             let q = rotate(&view.rotation, &sub(position, &self.centers[i]));
-            let r = self.residual(o, q);
+            let r = self.residual::<ROWS>(o, q);
             cost += self.charge(o, &r);
             let s = r[0] * r[0] + r[1] * r[1];
             let counts = if within_limit { s < self.active.limit_px().powi(2) } else { s.is_finite() };
@@ -149,7 +164,7 @@ impl<'a> Revival<'a> {
             let Some(projection) = self.depths.side.differentiate(self.structure.model[c], &self.params[c], q) else {
                 continue;
             };
-            let weight = self.loss.weight(s);
+            let weight = self.losses.pixel.weight(s);
             for k in 0..2 {
                 let row = row_times(&projection.d_point[k], &view.rotation);
                 gradient = add(&gradient, &row.map(|v| v * weight * r[k]));
@@ -162,20 +177,21 @@ impl<'a> Revival<'a> {
         (cost, next.filter(|x| x.iter().all(|v| v.is_finite())))
     }
 
-    fn residual(&self, o: usize, q: Vec3<f64>) -> [f64; 2] {
+    fn residual<const ROWS: usize>(&self, o: usize, q: Vec3<f64>) -> [f64; ROWS] {
         let i = self.structure.image[o] as usize;
         let c = self.structure.camera[i] as usize;
         let least = self.depths.least(i);
-        residual(self.depths.side, self.structure.model[c], &self.params[c], q, least, self.structure.px[o])
+        let (px, depth) = (self.structure.px[o], self.structure.depth(o));
+        residual(self.depths.side, self.structure.model[c], &self.params[c], q, least, px, depth)
     }
 
-    fn charge(&self, o: usize, r: &[f64; 2]) -> f64 {
+    fn charge<const ROWS: usize>(&self, o: usize, r: &[f64; ROWS]) -> f64 {
         if self.active.is_occluded(o) {
             // Its charge does not depend on the position.
             return 0.0;
         }
         let px = [self.structure.px[o][0] + r[0], self.structure.px[o][1] + r[1]];
         let enters = self.depths.frusta.contains(self.structure.image[o] as usize, px);
-        self.active.charge(o, self.loss.value(r[0] * r[0] + r[1] * r[1]), enters)
+        self.active.charge(o, self.losses.value(self.structure, o, r), enters)
     }
 }

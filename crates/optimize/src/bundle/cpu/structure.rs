@@ -24,6 +24,8 @@ pub(super) struct Structure {
     pub(super) image: Vec<u32>,
     pub(super) point: Vec<u32>,
     pub(super) px: Vec<[f64; 2]>,
+    /// Reference inverse depth and weight of each observation; empty where no depth is known at all.
+    depth: Vec<[f64; 2]>,
     /// Observations of each image, ascending: `image_order[image_start[i]..image_start[i + 1]]`.
     pub(super) image_start: Vec<u32>,
     pub(super) image_order: Vec<u32>,
@@ -44,7 +46,7 @@ pub(super) struct Structure {
 impl Structure {
     pub(super) fn new(problem: &Problem) -> Self {
         let images = problem.cam_from_world.len();
-        let (track_start, image, point, px) = sort_tracks(problem);
+        let Tracks { start: track_start, image, point, px, depth } = Tracks::sorted(problem);
         let (image_start, image_order) = group(&image, images);
         let pose_dof: Vec<u8> = problem
             .pose_freedom
@@ -62,6 +64,7 @@ impl Structure {
             image,
             point,
             px,
+            depth,
             image_start,
             image_order,
             camera: problem.image_camera.clone(),
@@ -88,6 +91,12 @@ impl Structure {
 
     pub(super) fn track(&self, point: usize) -> std::ops::Range<usize> {
         self.track_start[point] as usize..self.track_start[point + 1] as usize
+    }
+
+    /// Reference inverse depth and weight of an observation, weight 0 where it has none.
+    #[inline(always)]
+    pub(super) fn depth(&self, observation: usize) -> [f64; 2] {
+        self.depth.get(observation).copied().unwrap_or([0.0; 2])
     }
 
     pub(super) fn observations_of(&self, image: usize) -> &[u32] {
@@ -133,27 +142,45 @@ impl Structure {
 }
 
 /// Observations by point and image; tracks with fewer than two observations are dropped where points may move.
-fn sort_tracks(problem: &Problem) -> (Vec<u32>, Vec<u32>, Vec<u32>, Vec<[f64; 2]>) {
-    let count = problem.observation_image.len();
-    let mut track_start = Vec::with_capacity(problem.points.len() + 1);
-    track_start.push(0);
-    let (mut image, mut point, mut px) =
-        (Vec::with_capacity(count), Vec::with_capacity(count), Vec::with_capacity(count));
-    let mut order: Vec<u32> = Vec::new();
-    for (p, range) in problem.track_start.windows(2).enumerate() {
-        if problem.fixed_points || range[1] - range[0] >= 2 {
-            order.clear();
-            order.extend(range[0]..range[1]);
-            order.sort_by_key(|&o| problem.observation_image[o as usize]);
-            for &o in &order {
-                image.push(problem.observation_image[o as usize]);
-                point.push(p as u32);
-                px.push(problem.observation_px[o as usize].to_array());
+struct Tracks {
+    start: Vec<u32>,
+    image: Vec<u32>,
+    point: Vec<u32>,
+    px: Vec<[f64; 2]>,
+    depth: Vec<[f64; 2]>,
+}
+
+impl Tracks {
+    fn sorted(problem: &Problem) -> Self {
+        let count = problem.observation_image.len();
+        let depth = problem.depth.as_ref().filter(|depth| depth.is_any());
+        let mut tracks = Self {
+            start: Vec::with_capacity(problem.points.len() + 1),
+            image: Vec::with_capacity(count),
+            point: Vec::with_capacity(count),
+            px: Vec::with_capacity(count),
+            depth: Vec::with_capacity(if depth.is_some() { count } else { 0 }),
+        };
+        tracks.start.push(0);
+        let mut order: Vec<u32> = Vec::new();
+        for (p, range) in problem.track_start.windows(2).enumerate() {
+            if problem.fixed_points || range[1] - range[0] >= 2 {
+                order.clear();
+                order.extend(range[0]..range[1]);
+                order.sort_by_key(|&o| problem.observation_image[o as usize]);
+                for &o in &order {
+                    tracks.image.push(problem.observation_image[o as usize]);
+                    tracks.point.push(p as u32);
+                    tracks.px.push(problem.observation_px[o as usize].to_array());
+                    if let Some(depth) = depth {
+                        tracks.depth.push([depth.inverse[o as usize], depth.weight[o as usize]]);
+                    }
+                }
             }
+            tracks.start.push(tracks.image.len() as u32);
         }
-        track_start.push(image.len() as u32);
+        tracks
     }
-    (track_start, image, point, px)
 }
 
 /// Refined parameters of the cameras that any image uses.

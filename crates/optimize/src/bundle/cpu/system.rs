@@ -2,6 +2,7 @@
 
 use epipole_geometry::camera::{MAX_PARAMS, Real};
 
+use super::PIXELS;
 use super::back_substitution::back_substitute;
 use super::camera_step::CameraStep;
 use super::depth_limits::DepthLimits;
@@ -10,6 +11,7 @@ use super::linearization::Linearization;
 use super::normal::CameraNormal;
 use super::reduced_solver::ReducedSolver;
 use super::revive::{Revival, Whom};
+use super::rows::Losses;
 use super::small::Vec3;
 use super::state::{Cameras, Lattice, Points};
 use super::structure::Structure;
@@ -20,7 +22,6 @@ use crate::bundle::options::Options;
 use crate::bundle::problem::{ParamPrior, Problem};
 use crate::error::OptimizeError;
 use crate::lm::{Evaluation, Step, System, Trial};
-use crate::loss::Loss;
 
 /// Accepted steps between two evaluations of the residuals from scratch, where they are carried as differences
 /// (source: `solver.md` §5.5).
@@ -33,23 +34,26 @@ const NEAR: f64 = 0.05;
 /// instead of 2.5 (bonsai292, Huber 1 px); at 0.35 some steps overshoot and are refused, at 0.1 most.
 const RADIAL_FLOOR: f64 = 0.5;
 
-/// A bundle adjustment problem on the CPU, in `f32` or `f64`. The reduced system is always in `f64`.
+/// A bundle adjustment problem on the CPU, in `f32` or `f64`. The reduced system is always in `f64`. Observations have
+/// [`PIXELS`] rows, or [`WITH_DEPTH`](super::WITH_DEPTH): what has no depth at all pays nothing for the feature.
 #[derive(Debug)]
-pub struct CpuSystem<T: Real> {
+pub struct CpuSystem<T: Real, const ROWS: usize = PIXELS> {
     structure: Structure,
     lattice: Lattice,
-    loss: Loss,
+    losses: Losses,
+    /// See [`Losses::offset`].
+    offset: f64,
     priors: Vec<Vec<ParamPrior>>,
     depths: DepthLimits,
     active: ActiveSet,
     cameras: Cameras<T>,
     points: Points<T>,
     /// Residuals at the accepted state, NaN where there is no valid projection.
-    residual: Vec<[T; 2]>,
+    residual: Vec<[T; ROWS]>,
     next_cameras: Option<Cameras<T>>,
     next_points: Vec<Vec3<T>>,
-    next_residual: Vec<[T; 2]>,
-    linearization: Linearization<T>,
+    next_residual: Vec<[T; ROWS]>,
+    linearization: Linearization<T, ROWS>,
     normal: Option<CameraNormal>,
     damped: Vec<DampedPoint>,
     solver: ReducedSolver,
@@ -64,7 +68,7 @@ pub struct CpuSystem<T: Real> {
     camera_step: Vec<f64>,
 }
 
-impl<T: Real> CpuSystem<T> {
+impl<T: Real, const ROWS: usize> CpuSystem<T, ROWS> {
     /// Checks a problem and makes it resident.
     pub fn new(problem: &Problem, options: &Options) -> Result<Self, OptimizeError> {
         problem.validate()?;
@@ -74,10 +78,12 @@ impl<T: Real> CpuSystem<T> {
         let points = Points::new(problem, &lattice);
         let depths = DepthLimits::new(problem, options.activation);
         let observations = structure.image.len();
-        let mut residual = vec![[T::ZERO; 2]; observations];
+        let mut residual = vec![[T::ZERO; ROWS]; observations];
         evaluate(&structure, &lattice, &cameras, &points, &depths, &mut residual);
+        let losses = Losses::new(problem);
         Ok(Self {
-            loss: problem.loss,
+            losses,
+            offset: if ROWS == PIXELS { 0.0 } else { losses.offset(&structure) },
             priors: problem.param_priors.clone(),
             depths,
             active: ActiveSet::new(options.activation, problem.loss, observations),
@@ -109,10 +115,10 @@ impl<T: Real> CpuSystem<T> {
         let lattice = Lattice { cell: 0.0 };
         let cameras = Cameras::<f64>::new(problem, &lattice);
         let points = Points::<f64>::new(problem, &lattice);
-        let mut residual = vec![[0.0; 2]; self.structure.image.len()];
+        let mut residual = vec![[0.0; ROWS]; self.structure.image.len()];
         evaluate(&self.structure, &lattice, &cameras, &points, &self.depths, &mut residual);
-        let rho = |o: usize| CpuSystem::<f64>::rho(self.loss, &residual[o]);
-        self.active.cost(rho) + prior_cost(&self.priors, &cameras.params, &self.structure)
+        let rho = |o: usize| self.losses.value(&self.structure, o, &residual[o]);
+        self.active.cost(rho) + self.offset + prior_cost(&self.priors, &cameras.params, &self.structure)
     }
 
     /// Says which images do not see which points for the time being, whatever the geometry says: `hides(image, point)`,
@@ -126,7 +132,7 @@ impl<T: Real> CpuSystem<T> {
     fn extract(&mut self) {
         let (structure, frusta, residual) = (&self.structure, &self.depths.frusta, &self.residual);
         self.active.lower_limit(|o| square(&residual[o]), |o| enters(structure, frusta, residual, o));
-        let revival = Revival::new(structure, &self.lattice, &self.cameras, &self.depths, &self.active, self.loss);
+        let revival = Revival::new(structure, &self.lattice, &self.cameras, &self.depths, &self.active, self.losses);
         // Far from the optimum a missing observation is nothing to worry about; near it, each look costs as much as a step.
         let whom = if self.near_steps.is_power_of_two() { Whom::Incomplete } else { Whom::Poor };
         revival.run(whom, &mut self.points, &mut self.residual);
@@ -135,19 +141,19 @@ impl<T: Real> CpuSystem<T> {
     fn prior_cost(&self, cameras: &Cameras<T>) -> f64 {
         prior_cost(&self.priors, &cameras.params, &self.structure)
     }
-
-    /// `ρ` of an observation's residual.
-    fn rho(loss: Loss, residual: &[T; 2]) -> f64 {
-        loss.value(square(residual))
-    }
 }
 
-fn square<T: Real>(residual: &[T; 2]) -> f64 {
+fn square<T: Real, const ROWS: usize>(residual: &[T; ROWS]) -> f64 {
     (residual[0] * residual[0] + residual[1] * residual[1]).to_f64()
 }
 
 /// Whether an observation's projection lies inside its frustum.
-fn enters<T: Real>(structure: &Structure, frusta: &Frusta, residual: &[[T; 2]], o: usize) -> bool {
+fn enters<T: Real, const ROWS: usize>(
+    structure: &Structure,
+    frusta: &Frusta,
+    residual: &[[T; ROWS]],
+    o: usize,
+) -> bool {
     let px = std::array::from_fn(|k| structure.px[o][k] + residual[o][k].to_f64());
     frusta.contains(structure.image[o] as usize, px)
 }
@@ -163,19 +169,19 @@ fn prior_cost(priors: &[Vec<ParamPrior>], params: &[[f64; MAX_PARAMS]], structur
         .sum()
 }
 
-impl<T: Real> System for CpuSystem<T> {
+impl<T: Real, const ROWS: usize> System for CpuSystem<T, ROWS> {
     async fn refresh(&mut self) -> Evaluation {
         if self.active.is_dynamic() {
             self.extract();
         }
-        let (residual, before, loss) = (&self.residual, &self.next_residual, self.loss);
-        let (structure, frusta) = (&self.structure, &self.depths.frusta);
+        let (residual, before) = (&self.residual, &self.next_residual);
+        let (losses, structure, frusta) = (self.losses, &self.structure, &self.depths.frusta);
         let cost = self.active.update(
-            |o| Self::rho(loss, &residual[o]),
-            |o| Self::rho(loss, &before[o]),
+            |o| losses.value(structure, o, &residual[o]),
+            |o| losses.value(structure, o, &before[o]),
             |o| enters(structure, frusta, residual, o),
         );
-        let cost = cost + self.prior_cost(&self.cameras);
+        let cost = cost + self.offset + self.prior_cost(&self.cameras);
         let near = self.last_cost - cost < NEAR * cost;
         self.near_steps = if near { self.near_steps + 1 } else { 0 };
         self.radial_floor = if near && !self.refused { RADIAL_FLOOR } else { 1.0 };
@@ -191,7 +197,7 @@ impl<T: Real> System for CpuSystem<T> {
             &self.points,
             &self.residual,
             &self.active,
-            self.loss,
+            self.losses,
             self.radial_floor,
             self.depths.side,
         );
@@ -226,7 +232,7 @@ impl<T: Real> System for CpuSystem<T> {
             &self.lattice,
             &state,
             &self.active,
-            self.loss,
+            self.losses,
             &self.depths,
             &self.residual,
             &mut self.next_residual,
@@ -253,7 +259,7 @@ impl<T: Real> System for CpuSystem<T> {
     async fn reject(&mut self) {
         self.next_cameras = None;
         self.refused = true;
-        if self.radial_floor < 1.0 && self.loss != Loss::Squared {
+        if self.radial_floor < 1.0 && !self.losses.is_squared() {
             // Not the damping but the curvature was too small: weights alone give a good step at once.
             self.radial_floor = 1.0;
             self.linearize().await;

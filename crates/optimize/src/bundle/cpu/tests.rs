@@ -7,11 +7,13 @@ use glam::{DQuat, DVec2, DVec3};
 use super::camera_step::CameraStep;
 use super::depth_limits::DepthLimits;
 use super::linearization::Linearization;
+use super::rows::Losses;
 use super::state::{Cameras, Lattice, Points};
 use super::structure::Structure;
 use super::trial::evaluate;
+use super::{PIXELS, WITH_DEPTH};
 use crate::active::{Activation, ActiveSet};
-use crate::bundle::{PoseFreedom, Problem};
+use crate::bundle::{Depth, PoseFreedom, Problem};
 use crate::loss::Loss;
 
 /// Three images: two share a camera, one has its own; the second may only move, not turn.
@@ -54,15 +56,24 @@ fn problem() -> Problem {
 
 #[test]
 fn derivatives_agree_with_central_differences() {
-    let problem = problem();
-    let structure = Structure::new(&problem);
+    derivatives_agree::<PIXELS>(&problem());
+    let mut problem = problem();
+    let mut depth = Depth::unknown(problem.observation_image.len());
+    (0..problem.observation_image.len()).step_by(2).for_each(|o| depth.set(o, 3.0, 0.05));
+    depth.loss = Loss::Squared;
+    problem.depth = Some(depth);
+    derivatives_agree::<WITH_DEPTH>(&problem);
+}
+
+fn derivatives_agree<const ROWS: usize>(problem: &Problem) {
+    let structure = Structure::new(problem);
     // Poses 6 + 3 + 6, the third image's own camera 8, the shared camera 4.
     assert_eq!(structure.layout.dim(), 27);
-    let lattice = Lattice::new::<f64>(&problem, &structure);
-    let (cameras, points) = (Cameras::<f64>::new(&problem, &lattice), Points::new(&problem, &lattice));
-    let depths = DepthLimits::new(&problem, Activation::ValidAtStart);
+    let lattice = Lattice::new::<f64>(problem, &structure);
+    let (cameras, points) = (Cameras::<f64>::new(problem, &lattice), Points::new(problem, &lattice));
+    let depths = DepthLimits::new(problem, Activation::ValidAtStart);
     let residuals = |cameras: &Cameras<f64>, points: &Points<f64>| {
-        let mut out = vec![[0.0; 2]; structure.image.len()];
+        let mut out = vec![[0.0; ROWS]; structure.image.len()];
         evaluate(&structure, &lattice, cameras, points, &depths, &mut out);
         out
     };
@@ -70,12 +81,13 @@ fn derivatives_agree_with_central_differences() {
     let mut active = ActiveSet::new(Activation::ValidAtStart, Loss::Squared, residual.len());
     active.update(|o| residual[o][0], |_| 0.0, |_| true);
     assert_eq!(active.count(), 27);
+    let losses = Losses::new(problem);
     let mut linearization = Linearization::new(&structure);
-    linearization.update(&structure, &lattice, &cameras, &points, &residual, &active, Loss::Squared, 1.0, depths.side);
+    linearization.update(&structure, &lattice, &cameras, &points, &residual, &active, losses, 1.0, depths.side);
 
     let h = 1e-6;
-    let agree = |plus: &[[f64; 2]], minus: &[[f64; 2]], o: usize, derivative: [f64; 2]| {
-        for k in 0..2 {
+    let agree = |plus: &[[f64; ROWS]], minus: &[[f64; ROWS]], o: usize, derivative: [f64; ROWS]| {
+        for k in 0..ROWS {
             let difference = (plus[o][k] - minus[o][k]) / (2.0 * h);
             assert!(
                 (difference - derivative[k]).abs() < 1e-5 * (1.0 + difference.abs()),
@@ -106,7 +118,7 @@ fn derivatives_agree_with_central_differences() {
         let (plus, minus) = (moved(h), moved(-h));
         for o in 0..residual.len() {
             let row = &linearization.rows[o];
-            agree(&plus, &minus, o, [row.point[0][axis], row.point[1][axis]]);
+            agree(&plus, &minus, o, row.point.map(|row| row[axis]));
         }
     }
 }

@@ -2,19 +2,20 @@
 
 use epipole_geometry::camera::{CameraModel, Real};
 
+use super::PIXELS;
 use super::depth_limits::DepthLimits;
 use super::linearization::PointGroups;
 use super::projection::Side;
+use super::rows::{Losses, depth_difference, depth_residual};
 use super::small::{Vec3, add, from_f64, rotate, sub};
 use super::state::{Cameras, Lattice, Points, ViewChange};
 use super::structure::Structure;
 use crate::active::ActiveSet;
-use crate::loss::Loss;
 use crate::parallel;
 
 /// A residual that marks an observation without a valid projection.
-fn invalid<T: Real>() -> [T; 2] {
-    [T::from_f64(f64::NAN); 2]
+fn invalid<T: Real, const ROWS: usize>() -> [T; ROWS] {
+    [T::from_f64(f64::NAN); ROWS]
 }
 
 /// Whether a depth is more than the least; NaN is not.
@@ -25,14 +26,15 @@ fn is_beyond<T: Real>(depth: T, least: T) -> bool {
 
 /// Residual of one observation, invalid at or below the least depth.
 #[inline(always)]
-pub(super) fn residual<T: Real>(
+pub(super) fn residual<T: Real, const ROWS: usize>(
     side: Side,
     model: CameraModel,
     params: &[T],
     q: Vec3<T>,
     min_depth: Option<T>,
     px: [f64; 2],
-) -> [T; 2] {
+    depth: [f64; 2],
+) -> [T; ROWS] {
     if min_depth.is_some_and(|least| !is_beyond(q[2], least)) {
         return invalid();
     }
@@ -44,7 +46,15 @@ pub(super) fn residual<T: Real>(
                 let width = params[0].to_f64();
                 x -= T::from_f64(width * (x.to_f64() / width).round());
             }
-            [x, pixel[1] - T::from_f64(px[1])]
+            let mut r = [T::ZERO; ROWS];
+            (r[0], r[1]) = (x, pixel[1] - T::from_f64(px[1]));
+            if ROWS > PIXELS {
+                r[PIXELS] = depth_residual(q[2], depth);
+                if !r[PIXELS].is_finite() {
+                    return invalid();
+                }
+            }
+            r
         }
         None => invalid(),
     }
@@ -52,13 +62,13 @@ pub(super) fn residual<T: Real>(
 
 /// All residuals at a state, evaluated in `f64` whatever the working scalar: its rounding is then a fixed, tiny change of
 /// the observations and not noise.
-pub(super) fn evaluate<T: Real>(
+pub(super) fn evaluate<T: Real, const ROWS: usize>(
     structure: &Structure,
     lattice: &Lattice,
     cameras: &Cameras<T>,
     points: &Points<T>,
     depths: &DepthLimits,
-    out: &mut [[T; 2]],
+    out: &mut [[T; ROWS]],
 ) {
     let wide = cameras.widened();
     let groups = PointGroups::new(structure);
@@ -75,7 +85,10 @@ pub(super) fn evaluate<T: Real>(
                     &view.rotation,
                     &lattice.difference(&offset, points.cell(p), &view.center, &view.center_cell),
                 );
-                let r = residual(depths.side, structure.model[c], &wide.1[c], q, depths.least(i), structure.px[o]);
+                let depth = if ROWS > PIXELS { structure.depth(o) } else { [0.0; 2] };
+                let (params, least) = (&wide.1[c], depths.least(i));
+                let r =
+                    residual::<f64, ROWS>(depths.side, structure.model[c], params, q, least, structure.px[o], depth);
                 out[o - first] = from_f64(r);
             }
         }
@@ -91,15 +104,15 @@ pub(super) struct Move<'a, T> {
 }
 
 /// Residuals after a step, and the decrease of the cost on the active observations; NaN to refuse the step.
-pub(super) fn try_move<T: Real>(
+pub(super) fn try_move<T: Real, const ROWS: usize>(
     structure: &Structure,
     lattice: &Lattice,
     state: &Move<'_, T>,
     active: &ActiveSet,
-    loss: Loss,
+    losses: Losses,
     depths: &DepthLimits,
-    before: &[[T; 2]],
-    after: &mut [[T; 2]],
+    before: &[[T; ROWS]],
+    after: &mut [[T; ROWS]],
 ) -> f64 {
     let changes = state.cameras.change_to(state.next_cameras, lattice);
     let param_changes = state.cameras.param_changes(state.next_cameras);
@@ -123,6 +136,7 @@ pub(super) fn try_move<T: Real>(
                 let params = &state.next_cameras.view_params[c];
                 let least = depths.least(i).map(T::from_f64);
                 let r = before[o];
+                let depth = if ROWS > PIXELS { structure.depth(o) } else { [0.0; 2] };
                 let (r_after, delta) = if incremental && r[0].is_finite() {
                     let view = &state.cameras.views[i];
                     let ray = lattice.difference(
@@ -140,8 +154,15 @@ pub(super) fn try_move<T: Real>(
                         depths.side.difference(structure.model[c], params, &param_changes[c], q, q_change)
                     };
                     match change {
-                        Some(change) => ([r[0] + change[0], r[1] + change[1]], change),
-                        None => (invalid(), [T::ZERO; 2]),
+                        Some(change) => {
+                            let mut delta = [T::ZERO; ROWS];
+                            delta[..PIXELS].copy_from_slice(&change);
+                            if ROWS > PIXELS {
+                                delta[PIXELS] = depth_difference(q[2], q_change[2], depth[1]);
+                            }
+                            (std::array::from_fn(|k| r[k] + delta[k]), delta)
+                        }
+                        None => (invalid(), [T::ZERO; ROWS]),
                     }
                 } else {
                     let ray = lattice.difference(
@@ -151,19 +172,17 @@ pub(super) fn try_move<T: Real>(
                         &next.center_cell,
                     );
                     let q = rotate(&next.rotation, &ray);
-                    let r_after = residual(depths.side, structure.model[c], params, q, least, structure.px[o]);
-                    (r_after, [r_after[0] - r[0], r_after[1] - r[1]])
+                    let (model, px) = (structure.model[c], structure.px[o]);
+                    let r_after = residual::<T, ROWS>(depths.side, model, params, q, least, px, depth);
+                    (r_after, std::array::from_fn(|k| r_after[k] - r[k]))
                 };
                 after[o - first] = r_after;
                 if is_active {
-                    let s = (r[0] * r[0] + r[1] * r[1]).to_f64();
-                    if r_after[0].is_finite() && r_after[1].is_finite() {
-                        let two = T::from_f64(2.0);
-                        let ds = delta[0] * (two * r[0] + delta[0]) + delta[1] * (two * r[1] + delta[1]);
-                        *change += loss.difference(s, ds.to_f64());
+                    if r_after.iter().all(|v| v.is_finite()) {
+                        *change += losses.difference(&r, &delta);
                     } else {
                         *flipped += 1;
-                        *change += active.flip_charge(loss.value(s));
+                        *change += active.flip_charge(losses.value(structure, o, &r));
                     }
                 }
             }

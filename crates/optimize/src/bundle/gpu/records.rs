@@ -69,6 +69,7 @@ pub(super) fn loss_words(loss: Loss) -> (u32, f32) {
         Loss::Squared => (0, 1.0),
         Loss::Huber(scale) => (1, scale as f32),
         Loss::Cauchy(scale) => (2, scale as f32),
+        Loss::GemanMcClure(scale) => (3, scale as f32),
     }
 }
 
