@@ -3,6 +3,7 @@
 const LOSS_SQUARED = 0u;
 const LOSS_HUBER = 1u;
 const LOSS_CAUCHY = 2u;
+const LOSS_GEMAN_MCCLURE = 3u;
 
 fn loss_value(loss: u32, scale: f32, s: f32) -> f32 {
     if loss == LOSS_HUBER && s > scale * scale {
@@ -10,6 +11,9 @@ fn loss_value(loss: u32, scale: f32, s: f32) -> f32 {
     }
     if loss == LOSS_CAUCHY {
         return scale * scale * log_one_plus(s / (scale * scale));
+    }
+    if loss == LOSS_GEMAN_MCCLURE {
+        return s / (1.0 + s / (scale * scale));
     }
     return s;
 }
@@ -20,6 +24,10 @@ fn loss_weight(loss: u32, scale: f32, s: f32) -> f32 {
     }
     if loss == LOSS_CAUCHY {
         return 1.0 / (1.0 + s / (scale * scale));
+    }
+    if loss == LOSS_GEMAN_MCCLURE {
+        let root = 1.0 / (1.0 + s / (scale * scale));
+        return root * root;
     }
     return 1.0;
 }
@@ -42,6 +50,10 @@ fn loss_difference(loss: u32, scale: f32, s: f32, change: f32) -> f32 {
             return scale * scale * log_one_plus(ratio);
         }
         return loss_value(loss, scale, after) - loss_value(loss, scale, s);
+    }
+    if loss == LOSS_GEMAN_MCCLURE {
+        let inverse = 1.0 / (scale * scale);
+        return max(change, -s) / ((1.0 + s * inverse) * (1.0 + after * inverse));
     }
     return change;
 }

@@ -11,6 +11,7 @@ use super::records::{Params, loss_words};
 use super::residency::Residency;
 use super::resident::Resident;
 use crate::active::Activation;
+use crate::bundle::depth::Depth;
 use crate::bundle::options::Options;
 use crate::bundle::problem::Problem;
 use crate::error::OptimizeError;
@@ -85,6 +86,9 @@ impl<'a> GpuSystem<'a> {
                 return Err(GpuError::Unsupported { what: "the truncated objective" }.into());
             }
         };
+        if problem.depth.as_ref().is_some_and(Depth::is_any) {
+            return Err(GpuError::Unsupported { what: "metric depth" }.into());
+        }
         let layout = Layout::new(problem, residency.limits(device))?;
         let pcg = options.pcg;
         let params = Params {

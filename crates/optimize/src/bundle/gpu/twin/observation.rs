@@ -94,6 +94,7 @@ impl<N: Num> State<N> {
         match kind {
             1 if s.value() > (scale * scale).value() => scale * (N::of(2.0) * s.root() - scale),
             2 => scale * scale * (s / (scale * scale)).ln(),
+            3 => s / (N::of(1.0) + s / (scale * scale)),
             _ => s,
         }
     }
@@ -103,6 +104,10 @@ impl<N: Num> State<N> {
         match kind {
             1 if s.value() > (scale * scale).value() => scale / s.root(),
             2 => N::of(1.0) / (N::of(1.0) + s / (scale * scale)),
+            3 => {
+                let root = N::of(1.0) / (N::of(1.0) + s / (scale * scale));
+                root * root
+            }
             _ => N::of(1.0),
         }
     }
@@ -118,6 +123,11 @@ impl<N: Num> State<N> {
                 _ => self.loss_value(after) - self.loss_value(s),
             },
             2 => scale * scale * (change / (scale * scale + s)).ln(),
+            3 => {
+                let one = N::of(1.0);
+                let inverse = one / (scale * scale);
+                change / ((one + s * inverse) * (one + after * inverse))
+            }
             _ => change,
         }
     }
