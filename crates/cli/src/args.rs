@@ -80,6 +80,15 @@ pub(crate) struct ReconstructArgs {
     /// Larger depths count as unknown, metres [default: 10000]
     #[arg(long, value_name = "M", requires = "depth_dir")]
     pub(crate) depth_max: Option<f64>,
+    /// Which stages see the depths [default: both]
+    #[arg(long, value_enum, requires = "depth_dir")]
+    pub(crate) depth_stages: Option<DepthStagesArg>,
+    /// How depths weigh against pixels in bundle adjustment [default: uncertainty]
+    #[arg(long, value_enum, requires = "depth_dir")]
+    pub(crate) depth_weight: Option<DepthWeightArg>,
+    /// Learn a scale and a shift of the inverse depth of every map, as maps of learned monocular models need.
+    #[arg(long, requires = "depth_dir")]
+    pub(crate) depth_affine: bool,
     /// What bundle adjustment may do to the intrinsics [default: refine]
     #[arg(long, value_enum)]
     pub(crate) intrinsics: Option<IntrinsicsArg>,
@@ -120,6 +129,48 @@ impl DepthKindArg {
         match self {
             Self::Z => "z",
             Self::Ray => "ray",
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum DepthStagesArg {
+    /// None: the scale is free.
+    Off,
+    /// Global positioning.
+    Positioning,
+    /// Bundle adjustment.
+    Bundle,
+    /// Both.
+    Both,
+}
+
+impl DepthStagesArg {
+    /// The name in a settings file.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Off => "off",
+            Self::Positioning => "positioning",
+            Self::Bundle => "bundle",
+            Self::Both => "both",
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum DepthWeightArg {
+    /// One standard deviation of a depth as much as one pixel.
+    Uncertainty,
+    /// As the published code of InstantSfM: 0.1 on inverse metres, and a pull to infinity where no depth is known.
+    Paper,
+}
+
+impl DepthWeightArg {
+    /// The name in a settings file.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Uncertainty => "uncertainty",
+            Self::Paper => "paper",
         }
     }
 }

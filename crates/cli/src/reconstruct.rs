@@ -98,6 +98,15 @@ fn options(args: &ReconstructArgs) -> Result<Options, CliError> {
             settings.set_in("depth", name, value);
         }
     }
+    if let Some(stages) = args.depth_stages {
+        settings.set_in("metric", "stages", stages.name());
+    }
+    if let Some(weight) = args.depth_weight {
+        settings.set_in("metric", "weight", weight.name());
+    }
+    if args.depth_affine {
+        settings.set_in("metric", "affine", true);
+    }
     if let Some(preset) = args.preset {
         settings.set("preset", preset.name());
     }

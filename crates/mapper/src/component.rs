@@ -1,9 +1,11 @@
 //! One connected part of the view graph while it is being reconstructed.
 
-use epipole_scene::{Image, Reconstruction, ViewGraph};
+use epipole_scene::{Image, Reconstruction, ViewGraph, normalize};
 use glam::DQuat;
 
 use epipole_geometry::Rigid3;
+
+use crate::metric::{self, Metric};
 
 /// A reconstruction together with where its images stand in the view graph.
 #[derive(Clone, Debug, Default)]
@@ -12,11 +14,13 @@ pub struct Component {
     pub reconstruction: Reconstruction,
     /// For every image of the reconstruction, its index in [`ViewGraph::images`]; ascending.
     pub graph_image: Vec<usize>,
+    /// What is known of its scale.
+    pub metric: Metric,
 }
 
 impl Component {
     /// A component of the given images (ascending) with their rotations, centres at the origin and no points.
-    pub fn new(graph: &ViewGraph, images_with_rotation: &[(usize, DQuat)]) -> Self {
+    pub fn new(graph: &ViewGraph, images_with_rotation: &[(usize, DQuat)], metric: &metric::Options) -> Self {
         let images = images_with_rotation.iter().map(|&(index, rotation)| {
             let view = &graph.images[index];
             Image {
@@ -28,12 +32,10 @@ impl Component {
                 depths: view.depths.clone(),
             }
         });
+        let images: Vec<Image> = images.collect();
         Self {
-            reconstruction: Reconstruction {
-                cameras: graph.cameras.clone(),
-                images: images.collect(),
-                ..Reconstruction::default()
-            },
+            metric: Metric::new(metric, &images),
+            reconstruction: Reconstruction { cameras: graph.cameras.clone(), images, ..Reconstruction::default() },
             graph_image: images_with_rotation.iter().map(|&(index, _)| index).collect(),
         }
     }
@@ -45,6 +47,15 @@ impl Component {
             of[g] = Some(i as u32);
         }
         of
+    }
+
+    /// Brings coordinates to order one; where they are metres only the origin moves.
+    pub fn normalize(&mut self) {
+        if self.metric.is_metric() {
+            normalize::center(&mut self.reconstruction);
+        } else {
+            normalize::normalize(&mut self.reconstruction);
+        }
     }
 
     /// Takes images out, with their observations and the points that fewer than two observations are left of.
@@ -60,6 +71,7 @@ impl Component {
         }
         let mut position = 0..;
         self.reconstruction.images.retain(|_| position.next().is_some_and(|i| keep[i]));
+        self.metric.retain_images(keep);
         let old = std::mem::take(&mut self.graph_image);
         let (stay, taken): (Vec<_>, Vec<_>) = old.into_iter().enumerate().partition(|&(i, _)| keep[i]);
         self.graph_image = stay.into_iter().map(|(_, g)| g).collect();

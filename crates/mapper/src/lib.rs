@@ -7,6 +7,7 @@ mod component;
 mod correspondences;
 mod error;
 mod event;
+pub mod metric;
 mod options;
 mod parallel;
 mod pipeline;

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::error::MapperError;
+use crate::metric;
 use crate::stages::{calibrate, finish, position, refine, relative_pose, retriangulate, rotation, tracks};
 
 /// How much time to spend.
@@ -56,6 +57,8 @@ pub struct Options {
     pub matches: Matches,
     /// Reading of depth maps, where there are any.
     pub depth: DepthOptions,
+    /// Depth inside the optimisation, where images have depth maps.
+    pub metric: metric::Options,
     /// Smallest component that is reconstructed, images.
     pub min_component_images: usize,
     /// Focal lengths from the view graph.
@@ -83,6 +86,7 @@ impl Default for Options {
             intrinsics: Intrinsics::default(),
             matches: Matches::default(),
             depth: DepthOptions::default(),
+            metric: metric::Options::default(),
             // COLMAP 4.2's smallest model (algorithms.md §2.11): two images have no redundancy.
             min_component_images: 3,
             calibrate: calibrate::Options::default(),
@@ -192,6 +196,8 @@ impl Options {
             ("depth.relative_sigma", self.depth.relative_sigma),
             ("depth.max_m", self.depth.max_m),
             ("depth.max_jump", self.depth.max_jump),
+            ("metric.affine_scale_sigma", self.metric.affine_scale_sigma),
+            ("metric.affine_shift_sigma", self.metric.affine_shift_sigma),
         ];
         for (name, value) in positive {
             if !(value > 0.0 && value.is_finite()) {

@@ -172,7 +172,7 @@ async fn reconstruct_component(
     reasons: &mut Reasons,
     parts: &mut VecDeque<RotationComponent>,
 ) -> Result<(Component, ComponentReport), MapperError> {
-    let mut component = Component::new(graph, &part.images);
+    let mut component = Component::new(graph, &part.images, &options.metric);
     let tracks = run
         .stage(Stage::Tracks, number, async |observer, _| {
             let mut in_component = vec![false; graph.images.len()];
@@ -241,12 +241,15 @@ async fn reconstruct_component(
         })
         .await?;
     }
-    run.stage(Stage::Finish, number, async |observer, _| {
-        let source = images.as_mut().map(|i| &mut **i as &mut dyn ImageSource);
-        let summary = finish::run(&mut component, source, &options.finish, observer)?;
-        Ok(((), summary.to_string()))
-    })
-    .await?;
+    let metric = run
+        .stage(Stage::Finish, number, async |observer, _| {
+            let source = images.as_mut().map(|i| &mut **i as &mut dyn ImageSource);
+            let summary = finish::run(&mut component, source, &options.finish, observer)?;
+            let metric = component.metric.report(&component.reconstruction);
+            let scale = metric.as_ref().map_or(String::new(), |metric| format!("; {metric}"));
+            Ok((metric, format!("{summary}{scale}")))
+        })
+        .await?;
     let reconstruction = &component.reconstruction;
     if reconstruction.images.len() < options.min_component_images {
         return Err(MapperError::NothingReconstructed(format!(
@@ -264,6 +267,7 @@ async fn reconstruct_component(
         positioning_ok_share: positioned.report.kept().quality.agreeing_share,
         positioning_ok_share_worst_camera: positioned.report.kept().quality.worst_camera_share,
         observations_kept_share: kept,
+        metric,
     };
     Ok((component, report))
 }
@@ -284,7 +288,7 @@ async fn retriangulated(
     };
     let mut adjust = async |component: &mut Component, observer: &mut dyn Observer| {
         refine::adjust(component, &adjustment, &options.refine, engine, observer).await?;
-        epipole_scene::normalize::normalize(&mut component.reconstruction);
+        component.normalize();
         Ok(())
     };
     let summary =
@@ -294,7 +298,7 @@ async fn retriangulated(
     let last =
         Adjustment { relative_decrease_tolerance: options.refine.final_relative_decrease_tolerance, ..adjustment };
     refine::adjust(component, &last, &options.refine, engine, observer).await?;
-    epipole_scene::normalize::normalize(&mut component.reconstruction);
+    component.normalize();
     refine::final_filter(component, &options.refine);
     Ok(summary.to_string())
 }

@@ -4,6 +4,7 @@ use epipole_scene::depth::DepthInput;
 use serde::Serialize;
 
 use crate::event::Stage;
+use crate::metric::MetricReport;
 use crate::options::Options;
 
 /// The report of a run.
@@ -50,6 +51,8 @@ pub struct ComponentReport {
     pub positioning_ok_share_worst_camera: Option<f64>,
     /// Share of the tracks' observations that survived the filters of bundle adjustment.
     pub observations_kept_share: f64,
+    /// The scale, where depth maps made it metric; without, the unit of length is arbitrary.
+    pub metric: Option<MetricReport>,
 }
 
 /// One image.

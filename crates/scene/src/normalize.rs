@@ -45,6 +45,19 @@ pub fn normalize(reconstruction: &mut Reconstruction) -> Similarity3 {
     new_from_old
 }
 
+/// Moves the trimmed mean of the camera centres to the origin as [`normalize`] does, and keeps the scale. Returns the motion
+/// applied, `new_from_old`.
+pub fn center(reconstruction: &mut Reconstruction) -> Similarity3 {
+    let centers: Vec<DVec3> = reconstruction.images.iter().map(|i| i.cam_from_world.center()).collect();
+    let new_from_old = normalizing_similarity(&centers).map_or(Similarity3::IDENTITY, |motion| Similarity3 {
+        scale: 1.0,
+        rotation: DQuat::IDENTITY,
+        translation: motion.translation / motion.scale,
+    });
+    reconstruction.transform(&new_from_old);
+    new_from_old
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use epipole_geometry::Similarity3;
-use epipole_scene::{Reconstruction, normalize, statistics};
+use epipole_scene::{Reconstruction, statistics};
 use glam::{DQuat, DVec2, DVec3};
 use image::RgbImage;
 use serde::{Deserialize, Serialize};
@@ -21,7 +21,7 @@ const LISTED_NAMES: usize = 3;
 #[serde(default, deny_unknown_fields)]
 pub struct Options {
     /// Move and scale the scene so that the box of camera centres has a diagonal of 10 around the origin, as COLMAP's
-    /// global mapper leaves it (algorithms.md §2.11). Off: the frame stays as bundle adjustment left it.
+    /// global mapper leaves it (algorithms.md §2.11); where depth maps give metres the scale stays. Off: the frame stays as bundle adjustment left it.
     pub normalize: bool,
     /// Turn the scene so that the mean direction in which the cameras' images point down is +y, as COLMAP's aligned
     /// models have it. Right where photographs were mostly taken upright, and meaningless where they were not.
@@ -100,14 +100,17 @@ pub fn run(
     if seen.contains(&false) {
         summary.dropped_images = component.retain_images(&seen);
     }
-    let reconstruction = &mut component.reconstruction;
-    drop_unused_cameras(reconstruction);
+    // Where bundle adjustment does not hold the scale, this last fit does.
+    component.metric.refit(&mut component.reconstruction);
+    drop_unused_cameras(&mut component.reconstruction);
     if options.align_up {
-        reconstruction.transform(&upright(reconstruction));
+        let new_from_old = upright(&component.reconstruction);
+        component.reconstruction.transform(&new_from_old);
     }
     if options.normalize {
-        normalize::normalize(reconstruction);
+        component.normalize();
     }
+    let reconstruction = &mut component.reconstruction;
     update_errors(reconstruction);
     for (i, point) in reconstruction.points.iter_mut().enumerate() {
         point.id = i as u64 + 1;

@@ -5,7 +5,8 @@
 
 use epipole_geometry::Rigid3;
 use epipole_optimize::{Engine, positioning};
-use epipole_scene::{Observation, Point, ViewGraph, filter, normalize};
+use epipole_scene::{Observation, Point, ViewGraph, filter};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::refine::Forward;
@@ -13,6 +14,7 @@ use super::tracks::Tracks;
 use crate::component::Component;
 use crate::error::MapperError;
 use crate::event::{Event, Observer, Stage};
+use crate::metric::ray_length_m;
 use crate::parallel;
 
 /// Global positioning and its filters.
@@ -59,6 +61,52 @@ pub struct Summary {
     pub without_tracks: Vec<usize>,
 }
 
+/// Rays whose length a depth map gives.
+struct Pins {
+    wanted: bool,
+    scale: Vec<f64>,
+    sigma: Vec<f64>,
+}
+
+impl Pins {
+    fn new(component: &Component) -> Self {
+        Self { wanted: component.metric.pins_rays(), scale: Vec::new(), sigma: Vec::new() }
+    }
+
+    /// Of one observation with its ray in the world frame.
+    fn push(&mut self, component: &Component, o: Observation, ray_in_world: DVec3) {
+        if !self.wanted {
+            return;
+        }
+        let image = &component.reconstruction.images[o.image as usize];
+        let camera = &component.reconstruction.cameras[image.camera];
+        let depth = image.depths.as_ref().and_then(|depths| depths.get(o.keypoint as usize));
+        let length = depth.and_then(|depth| {
+            let ray_in_cam = image.cam_from_world.rotation * ray_in_world;
+            Some((ray_length_m(camera, ray_in_cam, depth)?, depth.relative_sigma))
+        });
+        let (scale, sigma) = length.map_or((0.0, 0.0), |(length_m, sigma)| (1.0 / length_m, sigma));
+        self.scale.push(scale);
+        self.sigma.push(sigma);
+    }
+
+    fn put_into(self, problem: &mut positioning::Problem) {
+        if self.scale.iter().any(|&scale| scale > 0.0) {
+            (problem.pinned_scale, problem.pin_sigma) = (Some(self.scale), Some(self.sigma));
+        }
+    }
+}
+
+/// Writes the solver's positions.
+fn place(component: &mut Component, problem: &positioning::Problem) {
+    for (image, &center) in component.reconstruction.images.iter_mut().zip(&problem.centers) {
+        image.cam_from_world = Rigid3::from_rotation_and_center(image.cam_from_world.rotation, center);
+    }
+    for (point, &position) in component.reconstruction.points.iter_mut().zip(&problem.points) {
+        point.position = position;
+    }
+}
+
 /// Poses the component's images and fills in its points from the tracks.
 ///
 /// Images that the tracks do not join to the largest group are taken out of the component, because their position
@@ -93,7 +141,9 @@ pub async fn run(
         observation_image: Vec::new(),
         observation_ray: Vec::new(),
         pinned_scale: None,
+        pin_sigma: None,
     };
+    let mut pins = Pins::new(component);
     let mut points = Vec::new();
     for track in 0..tracks.len() {
         let mut observations = Vec::new();
@@ -103,6 +153,7 @@ pub async fn run(
             observations.push(Observation { image, keypoint: o.keypoint });
             problem.observation_image.push(image);
             problem.observation_ray.push(ray);
+            pins.push(component, observations[observations.len() - 1], ray);
         }
         problem.track_start.push(problem.observation_image.len() as u32);
         problem.points.push(glam::DVec3::ZERO);
@@ -115,17 +166,24 @@ pub async fn run(
         });
     }
     drop(rays);
+    pins.put_into(&mut problem);
     let mut solver = positioning::Options { huber: options.huber, ..positioning::Options::default() };
     solver.lm.relative_decrease_tolerance = options.relative_decrease_tolerance;
     let mut forward = Forward { stage: Stage::Position, observer };
-    let report = engine.position(&mut problem, &solver, &mut forward).await?;
-    for (image, &center) in component.reconstruction.images.iter_mut().zip(&problem.centers) {
-        image.cam_from_world = Rigid3::from_rotation_and_center(image.cam_from_world.rotation, center);
-    }
-    for (point, &position) in points.iter_mut().zip(&problem.points) {
-        point.position = position;
-    }
     component.reconstruction.points = points;
+    let mut report = engine.position(&mut problem, &solver, &mut forward).await?;
+    place(component, &problem);
+    let mut doubt = component.metric.begin(&mut component.reconstruction);
+    if doubt.is_some() && problem.pinned_scale.is_some() {
+        // Depths that contradict the rays have bent them: once more without. What is right about them shows then.
+        (problem.pinned_scale, problem.pin_sigma) = (None, None);
+        report = engine.position(&mut problem, &solver, &mut forward).await?;
+        place(component, &problem);
+        doubt = component.metric.begin(&mut component.reconstruction);
+    }
+    if let Some(message) = doubt {
+        observer.event(&Event::Warning { message });
+    }
     for warning in &report.warnings {
         observer.event(&Event::Warning { message: format!("global positioning: {warning}") });
     }
@@ -141,6 +199,6 @@ pub async fn run(
     filter::filter_angular(reconstruction, options.max_angular_error_deg.to_radians());
     filter::filter_triangulation_angle(reconstruction, options.min_triangulation_angle_deg.to_radians());
     filter::filter_normalized(reconstruction, options.max_normalized_error);
-    normalize::normalize(reconstruction);
+    component.normalize();
     Ok(Summary { observations: report.observations, report, left_over, without_tracks })
 }

@@ -9,7 +9,6 @@ use epipole_optimize::engine::Notice;
 use epipole_optimize::lm::{IterationRecord, LmReport};
 use epipole_optimize::loss::Loss;
 use epipole_scene::filter;
-use epipole_scene::normalize;
 use serde::{Deserialize, Serialize};
 
 use crate::component::Component;
@@ -105,6 +104,7 @@ pub async fn adjust(
     engine: &mut Engine,
     observer: &mut dyn Observer,
 ) -> Result<LmReport, MapperError> {
+    component.metric.refit(&mut component.reconstruction);
     let reconstruction = &mut component.reconstruction;
     let mut problem = bundle::Problem {
         cam_from_world: reconstruction.images.iter().map(|i| i.cam_from_world).collect(),
@@ -137,6 +137,8 @@ pub async fn adjust(
         }
         problem.track_start.push(problem.observation_image.len() as u32);
     }
+    let observations = adjusted.iter().flat_map(|&p| reconstruction.points[p].observations.iter().copied());
+    problem.depth = component.metric.rows(reconstruction, observations);
     let mut lm_options = bundle::Options::default();
     lm_options.lm.max_iterations = options.max_iterations;
     lm_options.lm.relative_decrease_tolerance = adjustment.relative_decrease_tolerance;
@@ -244,7 +246,7 @@ pub async fn run(
             summary.solves += 1;
             summary.iterations += report.iterations;
         }
-        normalize::normalize(&mut component.reconstruction);
+        component.normalize();
         // A round that filters next to nothing would repeat itself: go on to the next, stricter threshold instead.
         let mut filtered = 0;
         while round < options.rounds {

@@ -176,7 +176,7 @@ impl Layout {
 pub(crate) struct Rays<T> {
     /// Unit ray in the world, per observation.
     pub(crate) direction: Vec<Vec3<T>>,
-    /// ω of each observation's image.
+    /// ω of each observation.
     pub(crate) weight: Vec<T>,
     /// 1 / ray length, or 0 where the scale is free.
     pub(crate) pin: Vec<T>,
@@ -189,11 +189,7 @@ impl<T: Real> Rays<T> {
     pub(crate) fn new(problem: &Problem, layout: &Layout) -> Self {
         let direction =
             layout.source.iter().map(|&o| vec3::from_dvec3(problem.observation_ray[o as usize].normalize())).collect();
-        let weight = layout
-            .source
-            .iter()
-            .map(|&o| T::from_f64(problem.image_weight[problem.observation_image[o as usize] as usize]))
-            .collect();
+        let weight = layout.source.iter().map(|&o| T::from_f64(problem.weight(o as usize))).collect();
         let pin: Vec<T> = layout.source.iter().map(|&o| T::from_f64(problem.pin(o as usize).unwrap_or(0.0))).collect();
         let metric = pin.iter().any(|&pin| pin > T::ZERO);
         Self { direction, weight, pin, metric }

@@ -28,7 +28,7 @@ mod vec3;
 pub use convex::ConvexReport;
 pub use normal::LinearSolver;
 pub use options::Options;
-pub use problem::Problem;
+pub use problem::{PIN_SIGMA, Problem};
 pub use quality::{Grade, Quality};
 pub use report::{Attempt, Report, Start, Warning};
 pub use solve::{solve, solve_with};

@@ -25,7 +25,14 @@ pub struct Problem {
     /// Metric depth: per observation 1 / ray length (world units⁻¹, along the ray, not the z-depth), 0 where unknown.
     /// `None` when nothing is known.
     pub pinned_scale: Option<Vec<f64>>,
+    /// Relative standard deviation of each pinned length, which weighs the pin against the rays ([`PIN_SIGMA`]). `None`: all
+    /// pins weigh as much as a ray. Entries of observations without a pin are not used.
+    pub pin_sigma: Option<Vec<f64>>,
 }
+
+/// A pinned observation of this relative uncertainty weighs half as much as a ray, `ω / (1 + (σ/σ₀)²)`: its residual holds
+/// the depth's error as well as the ray's, and this is where its loss bends.
+pub const PIN_SIGMA: f64 = 0.1;
 
 /// How far a ray's length may be from 1: generous for rays rotated in `f32`, far too small to change an answer.
 const UNIT_TOLERANCE: f64 = 1e-4;
@@ -49,6 +56,10 @@ impl Problem {
         length("observation_ray", self.observation_ray.len(), observations)?;
         if let Some(pins) = &self.pinned_scale {
             length("pinned_scale", pins.len(), observations)?;
+        }
+        if let Some(sigmas) = &self.pin_sigma {
+            length("pin_sigma", sigmas.len(), observations)?;
+            each("pin_sigma", sigmas, "a finite number, 0 or more", |s| s.is_finite() && **s >= 0.0)?;
         }
         let first = self.track_start[0];
         let last = self.track_start[self.points.len()];
@@ -91,6 +102,15 @@ impl Problem {
     /// The range of observations of a point.
     pub(crate) fn track(&self, point: usize) -> std::ops::Range<usize> {
         self.track_start[point] as usize..self.track_start[point + 1] as usize
+    }
+
+    /// ω of an observation: its image's, less where a pin is uncertain.
+    pub(crate) fn weight(&self, observation: usize) -> f64 {
+        let weight = self.image_weight[self.observation_image[observation] as usize];
+        match (self.pin(observation), &self.pin_sigma) {
+            (Some(_), Some(sigma)) => weight / (1.0 + (sigma[observation] / PIN_SIGMA).powi(2)),
+            _ => weight,
+        }
     }
 
     /// 1 / ray length where it is pinned.

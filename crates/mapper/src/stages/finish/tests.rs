@@ -36,6 +36,7 @@ fn scene() -> Component {
         observations: seen_by.iter().map(|&image| Observation { image, keypoint: p as u32 }).collect(),
     };
     Component {
+        metric: Default::default(),
         reconstruction: Reconstruction {
             cameras,
             images,

@@ -131,7 +131,7 @@ pub(super) fn pair(image1: usize, image2: usize, inliers: Vec<[u32; 2]>) -> Pair
 
 fn posed(graph: &ViewGraph, poses: &[Rigid3]) -> Component {
     let rotations: Vec<(usize, DQuat)> = poses.iter().enumerate().map(|(i, p)| (i, p.rotation)).collect();
-    let mut component = Component::new(graph, &rotations);
+    let mut component = Component::new(graph, &rotations, &crate::metric::Options::default());
     for (image, pose) in component.reconstruction.images.iter_mut().zip(poses) {
         image.cam_from_world = *pose;
     }
