@@ -141,12 +141,7 @@ impl<'a> Revival<'a> {
     }
 
     /// The point's share of the objective at a position, and the next one: where the pixels alone want it.
-    fn step<const ROWS: usize>(
-        &self,
-        p: usize,
-        position: &Vec3<f64>,
-        within_limit: bool,
-    ) -> (f64, Option<Vec3<f64>>) {
+    fn step<const ROWS: usize>(&self, p: usize, position: &Vec3<f64>, within_limit: bool) -> (f64, Option<Vec3<f64>>) {
         let (mut cost, mut used) = (0.0, 0);
         let (mut triangle, mut gradient) = ([0.0; 6], [0.0; 3]);
         for o in self.structure.track(p) {
