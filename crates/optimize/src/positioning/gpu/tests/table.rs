@@ -53,6 +53,7 @@ fn read(name: &str) -> (Problem, Vec<DVec3>) {
         observation_image,
         observation_ray: parts.chunks(3).map(|r| DVec3::new(r[0], r[1], r[2]).normalize()).collect(),
         pinned_scale: None,
+        pin_sigma: None,
     };
     (problem, reals.chunks(3).map(|c| DVec3::new(c[0], c[1], c[2])).collect())
 }
