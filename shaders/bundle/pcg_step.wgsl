@@ -18,12 +18,14 @@ fn camera_part(image: u32) -> Unit {
     return sum;
 }
 
-// Scales a sum, adds the damping, and keeps it. Returns the direction's square.
+// Scales a sum, adds damping and priors, and keeps it. Returns their share of the direction's square.
 fn finish_product(unit: u32, sum: Unit) -> f32 {
     let scale = load(SCALE, unit);
     let p = load(DIRECTION, unit);
-    store(PRODUCT, unit, Unit(scale.a * sum.a + params.lambda * p.a, scale.b * sum.b + params.lambda * p.b));
-    return dot_unit(p, p);
+    let prior = load(PRIOR_DIAGONAL, unit);
+    let damped = Unit((params.lambda + prior.a) * p.a, (params.lambda + prior.b) * p.b);
+    store(PRODUCT, unit, Unit(scale.a * sum.a + damped.a, scale.b * sum.b + damped.b));
+    return dot_unit(p, damped);
 }
 
 @compute @workgroup_size(256)
@@ -83,7 +85,7 @@ fn pcg_step(@builtin(local_invocation_index) lane: u32) {
     let curvatures = reduce_eight(lane, Eight(vec4f(squares, direction_squares, 0.0, 0.0), vec4f()));
     workgroupBarrier();
     // A sum of squares: not positive means that nothing is left of the direction.
-    let curvature = curvatures.a.x + params.lambda * curvatures.a.y;
+    let curvature = curvatures.a.x + curvatures.a.y;
     let alive = curvature > 0.0 && is_finite(curvature);
     let alpha = select(0.0, state.z / curvature, alive);
     for (var unit = lane; unit < units; unit += LANES) {

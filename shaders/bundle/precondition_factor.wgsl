@@ -108,7 +108,8 @@ fn precondition_factor(
                     value -= eliminated(camera, low - 6u, high - 6u);
                 }
                 value *= scale;
-                value += select(0.0, params.lambda, i == j);
+                let prior = vectors[section(PRIOR_DIAGONAL, units) + a.x][a.y];
+                value += select(0.0, params.lambda + prior, i == j);
             }
         }
         if i == j {
@@ -166,6 +167,7 @@ fn precondition_factor(
             sum[k] = gather(first, last, by_camera, TRIANGLE + start + k);
         }
         let a = place(unit, params.images + camera, start);
-        vectors[section(RHS, units) + a.x] = sum * vectors[scale_at + a.x];
+        vectors[section(RHS, units) + a.x] =
+            sum * vectors[scale_at + a.x] - vectors[section(PRIOR_GRADIENT, units) + a.x];
     }
 }

@@ -1,5 +1,5 @@
-// Column scales 1/√diag of the camera unknowns; 0 takes an unknown out of the system: constant ones, and those of an
-// image with too few observations.
+// Column scales 1/√diag of the camera unknowns, priors included; 0 takes an unknown out of the system: constant ones, and
+// those of an image with too few observations that no prior holds. And the priors' part of the system in that scale.
 
 #import "common/dispatch.wgsl"
 #import "bundle/row.wgsl"
@@ -14,7 +14,9 @@ const MIN_OBSERVATIONS = 6.0;
 @group(0) @binding(2) var<storage, read> topology: array<u32>;
 // Two vec4f an image and a camera: 1 where the unknown may move.
 @group(0) @binding(3) var<storage, read> freedom: array<vec4f>;
-@group(0) @binding(4) var<storage, read_write> vectors: array<vec4f>;
+@group(0) @binding(4) var<storage, read> intrinsics: array<Intrinsics>;
+@group(0) @binding(5) var<storage, read> priors: array<Prior>;
+@group(0) @binding(6) var<storage, read_write> vectors: array<vec4f>;
 
 fn inverse_root(d: vec4f) -> vec4f {
     return select(vec4f(), inverseSqrt(max(d, vec4f(1e-30))), d > vec4f(1e-30));
@@ -33,6 +35,10 @@ fn scale_camera(
     }
     var a = vec4f();
     var b = vec4f();
+    var diagonal_a = vec4f();
+    var diagonal_b = vec4f();
+    var gradient_a = vec4f();
+    var gradient_b = vec4f();
     if unit < params.images {
         for (var s = topology[unit]; s < topology[unit + 1u]; s += 1u) {
             a += partials[s].a;
@@ -58,12 +64,23 @@ fn scale_camera(
             a += image_a;
             b += image_b;
         }
-        if count < MIN_OBSERVATIONS {
-            a = vec4f();
-            b = vec4f();
-        }
+        let camera = unit - params.images;
+        let prior = priors[camera];
+        diagonal_a = prior.information_linear;
+        diagonal_b = prior.information_distortion;
+        gradient_a = diagonal_a * (intrinsics[camera].linear - prior.mean_linear);
+        gradient_b = diagonal_b * (intrinsics[camera].distortion - prior.mean_distortion);
+        let enough = count >= MIN_OBSERVATIONS;
+        a = select(vec4f(), a + diagonal_a, (diagonal_a > vec4f()) | vec4<bool>(enough));
+        b = select(vec4f(), b + diagonal_b, (diagonal_b > vec4f()) | vec4<bool>(enough));
     }
-    let out = section(SCALE, units) + 2u * unit;
-    vectors[out] = freedom[2u * unit] * inverse_root(a);
-    vectors[out + 1u] = freedom[2u * unit + 1u] * inverse_root(b);
+    let scale_a = freedom[2u * unit] * inverse_root(a);
+    let scale_b = freedom[2u * unit + 1u] * inverse_root(b);
+    let place = 2u * unit;
+    vectors[section(SCALE, units) + place] = scale_a;
+    vectors[section(SCALE, units) + place + 1u] = scale_b;
+    vectors[section(PRIOR_DIAGONAL, units) + place] = scale_a * scale_a * diagonal_a;
+    vectors[section(PRIOR_DIAGONAL, units) + place + 1u] = scale_b * scale_b * diagonal_b;
+    vectors[section(PRIOR_GRADIENT, units) + place] = scale_a * gradient_a;
+    vectors[section(PRIOR_GRADIENT, units) + place + 1u] = scale_b * gradient_b;
 }

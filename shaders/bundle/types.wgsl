@@ -37,6 +37,14 @@ struct View {
     camera: u32,
 }
 
+// Gaussian beliefs about a camera's parameters: means, and inverse variances, 0 where there is none.
+struct Prior {
+    mean_linear: vec4f,
+    mean_distortion: vec4f,
+    information_linear: vec4f,
+    information_distortion: vec4f,
+}
+
 struct Point {
     x: f32,
     y: f32,

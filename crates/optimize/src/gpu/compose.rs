@@ -31,6 +31,7 @@ shaders![
     "bundle/precondition_camera.wgsl",
     "bundle/precondition_factor.wgsl",
     "bundle/precondition_group.wgsl",
+    "bundle/prior_camera.wgsl",
     "bundle/product_camera.wgsl",
     "bundle/product_point.wgsl",
     "bundle/refresh.wgsl",

@@ -7,7 +7,7 @@ use crate::gpu::{Device, GpuError};
 
 /// vec4f of state and of a section's unit, as in `vectors.wgsl`.
 const STATE_VEC4: u64 = 4;
-const SECTIONS: u64 = 8;
+const SECTIONS: u64 = 10;
 /// Bytes of a row of eight sums.
 pub(super) const ROW_BYTES: u64 = 32;
 /// Bytes of a segment's sums in `block_sums.wgsl`, and of a span's in `precondition_group.wgsl`.
@@ -28,6 +28,7 @@ pub(super) struct Buffers {
     pub(super) intrinsics: wgpu::Buffer,
     pub(super) topology: wgpu::Buffer,
     pub(super) freedom: wgpu::Buffer,
+    pub(super) priors: wgpu::Buffer,
     pub(super) partials: wgpu::Buffer,
     pub(super) block_sums: wgpu::Buffer,
     pub(super) group_sums: wgpu::Buffer,
@@ -135,6 +136,7 @@ impl Buffers {
             intrinsics: device.storage("intrinsics", &layout.intrinsics.repeat(3))?,
             topology: device.storage("topology", &layout.topology)?,
             freedom: device.storage("freedom", &layout.freedom)?,
+            priors: device.storage("priors", &layout.priors.rows)?,
             partials: device.zeroed("camera sums", segments * 64)?,
             block_sums: device.zeroed("block sums", segments * BLOCK_SUMS_BYTES)?,
             group_sums: device.zeroed("group sums", group_slots * GROUP_SUMS_BYTES)?,
@@ -148,7 +150,7 @@ impl Buffers {
         })
     }
 
-    fn named(&self) -> [(&'static str, &wgpu::Buffer); 16] {
+    fn named(&self) -> [(&'static str, &wgpu::Buffer); 17] {
         [
             ("params", &self.params),
             ("reduce_params", &self.reduce_params),
@@ -156,6 +158,7 @@ impl Buffers {
             ("intrinsics", &self.intrinsics),
             ("topology", &self.topology),
             ("freedom", &self.freedom),
+            ("priors", &self.priors),
             ("partials", &self.partials),
             ("block_sums", &self.block_sums),
             ("group_sums", &self.group_sums),

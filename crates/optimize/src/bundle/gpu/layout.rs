@@ -3,6 +3,7 @@
 use super::chunk::{Chunk, ChunkLimits, assign_slots, split};
 use super::exact::{exact_cameras, spans};
 use super::lattice::Lattice;
+use super::priors::Priors;
 use super::records::{CAMERA_UNKNOWNS, EXACT_WORD, Intrinsics, OUT, View, intrinsics, param_slots};
 use crate::bundle::problem::{PoseFreedom, Problem};
 use crate::gpu::{GpuError, Variant};
@@ -26,6 +27,7 @@ pub(super) struct Layout {
     pub(super) exact_cameras: usize,
     /// Two vec4 an image and a camera: 1 where an unknown may move.
     pub(super) freedom: Vec<[f32; 8]>,
+    pub(super) priors: Priors,
     /// Accepted state; the kernels' buffers hold it three times.
     pub(super) views: Vec<View>,
     pub(super) intrinsics: Vec<Intrinsics>,
@@ -33,9 +35,6 @@ pub(super) struct Layout {
 
 impl Layout {
     pub(super) fn new(problem: &Problem, limits: ChunkLimits) -> Result<Self, GpuError> {
-        if problem.param_priors.iter().any(|priors| !priors.is_empty()) {
-            return Err(GpuError::Unsupported { what: "a prior on camera parameters" });
-        }
         let lattice = Lattice::new(problem);
         let runs = split(problem, limits).into_iter();
         let mut chunks: Vec<_> = runs.map(|run| Chunk::new(problem, run, &lattice)).collect();
@@ -48,6 +47,7 @@ impl Layout {
             big_cameras: 0,
             exact_cameras: 0,
             freedom: freedom(problem)?,
+            priors: Priors::new(problem)?,
             views: views(problem, &lattice),
             intrinsics: problem.cameras.iter().map(|c| intrinsics(c.model, &c.params)).collect::<Result<_, _>>()?,
             lattice,

@@ -2,8 +2,8 @@
 //!
 //! Jacobians are computed where they are needed and never stored; points are eliminated inside the operator; the
 //! reduced system is solved by PCG with Schur–Jacobi blocks. Only scalars are read back inside a solve, once a step.
-//! Pinhole and radial models and OPENCV; no parameter priors; [`Activation::Truncated`](crate::active::Activation) is
-//! left to the CPU: each is an error, not a silent fallback.
+//! Pinhole and radial models and OPENCV; [`Activation::Truncated`](crate::active::Activation) is left to the CPU: each is
+//! an error, not a silent fallback.
 
 mod buffers;
 mod checkpoint;
@@ -12,6 +12,7 @@ mod counters;
 mod exact;
 mod lattice;
 mod layout;
+mod priors;
 mod records;
 mod residency;
 mod resident;

@@ -48,7 +48,7 @@ impl Extent {
             "precondition_group" => Self::Groups,
             "scale_camera" | "step_camera" | "change_camera" | "commit_camera" => Self::UnitGroups,
             "precondition_factor" => Self::Units,
-            "pcg_start" | "pcg_step" => Self::One,
+            "pcg_start" | "pcg_step" | "prior_camera" => Self::One,
             _ => Self::Points,
         }
     }

@@ -7,6 +7,7 @@ use super::buffers::ROW_BYTES;
 use super::checkpoint::{Checkpoint, Checkpoints};
 use super::counters::{Counters, ResidentBytes};
 use super::layout::Layout;
+use super::priors::prior_cost;
 use super::records::{Params, loss_words};
 use super::residency::Residency;
 use super::resident::Resident;
@@ -53,6 +54,9 @@ pub struct GpuSystem<'a> {
     after: Evaluation,
     trial: Trial,
     accepted: usize,
+    /// Of the priors on camera parameters, at the accepted state and at the tried one.
+    prior_cost: f64,
+    prior_cost_after: f64,
     /// Iterations of the last solve: what to queue for the next.
     expected: usize,
     max_iterations: usize,
@@ -114,6 +118,8 @@ impl<'a> GpuSystem<'a> {
             after: none,
             trial: Trial { decrease: f64::NAN },
             accepted: 0,
+            prior_cost: prior_cost(problem),
+            prior_cost_after: 0.0,
             expected: ITERATIONS_PER_SUBMIT,
             max_iterations: pcg.max_iterations,
             iteration: 0,
@@ -178,7 +184,7 @@ impl<'a> GpuSystem<'a> {
         self.count(|c| c.read_backs += 1);
         let rows: Vec<[f32; 8]> = self.read_back.get(self.device, resident.reduced as usize).await?;
         let totals = Self::totals(&rows);
-        Ok(Evaluation { cost: 0.5 * totals[1], active: totals[3] as usize })
+        Ok(Evaluation { cost: 0.5 * totals[1] + self.prior_cost, active: totals[3] as usize })
     }
 
     fn queue_linearization(&self) -> Result<(), GpuError> {
@@ -234,6 +240,9 @@ impl<'a> GpuSystem<'a> {
         let mut encoder = self.device.encoder();
         resident.record(&mut encoder, "step_camera")?;
         resident.record(&mut encoder, "change_camera")?;
+        if self.layout.priors.any {
+            resident.record(&mut encoder, "prior_camera")?;
+        }
         resident.record(&mut encoder, "back_substitute")?;
         resident.record(&mut encoder, "change_point")?;
         resident.record(&mut encoder, "trial")?;
@@ -260,7 +269,7 @@ impl<'a> GpuSystem<'a> {
             self.queue_trial()?;
             self.count(|c| c.read_backs += 1);
             let read: Vec<[f32; 8]> = self.read_back.get(self.device, 1 + 2 * rows).await?;
-            let [iterations, done, _, improved, length, largest, ..] = read[0].map(f64::from);
+            let [iterations, done, _, improved, length, largest, prior_decrease, prior_cost] = read[0].map(f64::from);
             if done == 0.0 && queued < self.max_iterations {
                 continue;
             }
@@ -272,8 +281,9 @@ impl<'a> GpuSystem<'a> {
             let trial = Self::totals(&read[1 + rows..]);
             let flipped_share = trial[2] / (trial[2] + trial[3]).max(1.0);
             let refused = flipped_share > MAX_FLIPPED_SHARE;
-            self.trial = Trial { decrease: if refused { f64::NAN } else { -0.5 * trial[0] } };
-            self.after = Evaluation { cost: 0.5 * trial[1], active: trial[3] as usize };
+            self.trial = Trial { decrease: if refused { f64::NAN } else { prior_decrease - 0.5 * trial[0] } };
+            self.prior_cost_after = if self.layout.priors.any { prior_cost + self.layout.priors.constant } else { 0.0 };
+            self.after = Evaluation { cost: 0.5 * trial[1] + self.prior_cost_after, active: trial[3] as usize };
             // The damped model falls by ½xᵀ(b + r) + ½gᵀy₀; without the damping's own share it falls by more.
             let damping = lambda * (length + step[0]);
             let predicted_decrease = 0.5 * (improved + step[1] + damping);
@@ -346,6 +356,7 @@ impl System for GpuSystem<'_> {
     async fn accept(&mut self) {
         if self.kept(self.queue_commit()).is_some() {
             self.accepted += 1;
+            self.prior_cost = self.prior_cost_after;
             // From scratch now and then: the next refresh asks the device.
             let due = self.accepted.is_multiple_of(RESIDUAL_REFRESH);
             self.evaluation = (!due).then_some(self.after);

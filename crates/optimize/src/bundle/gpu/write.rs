@@ -6,6 +6,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::checkpoint::{Checkpoint, Snapshot};
 use super::chunk::Chunk;
+use super::priors::prior_cost;
 use super::records::{Intrinsics, OUT, Point, View, param_slots};
 use super::system::GpuSystem;
 use crate::bundle::problem::{PoseFreedom, Problem};
@@ -67,7 +68,7 @@ impl GpuSystem<'_> {
                 sum += part;
             }
         }
-        Ok(0.5 * sum)
+        Ok(0.5 * sum + prior_cost(problem))
     }
 
     /// Squared residual of an observation in `f64`.

@@ -66,7 +66,15 @@ pub const SCALE_CAMERA: Kernel = Kernel {
     name: "scale_camera",
     file: "bundle/scale_camera.wgsl",
     workgroup_size: 64,
-    bindings: &[uniform("params"), read("partials"), read("topology"), read("freedom"), write("vectors")],
+    bindings: &[
+        uniform("params"),
+        read("partials"),
+        read("topology"),
+        read("freedom"),
+        read("intrinsics"),
+        read("priors"),
+        write("vectors"),
+    ],
 };
 
 /// Point blocks at one damping.
@@ -230,6 +238,14 @@ pub const CHANGE_POINT: Kernel = Kernel {
     bindings: &[uniform("params"), read("points"), write("changes")],
 };
 
+/// What the priors of camera parameters cost at the tried state.
+pub const PRIOR_CAMERA: Kernel = Kernel {
+    name: "prior_camera",
+    file: "bundle/prior_camera.wgsl",
+    workgroup_size: 256,
+    bindings: &[uniform("params"), read("intrinsics"), read("priors"), write("vectors")],
+};
+
 /// Residuals at the tried state, as exact differences.
 pub const TRIAL: Kernel = Kernel {
     name: "trial",
@@ -281,6 +297,7 @@ pub const BUNDLE: &[Kernel] = &[
     PCG_STEP,
     STEP_CAMERA,
     CHANGE_CAMERA,
+    PRIOR_CAMERA,
     BACK_SUBSTITUTE,
     CHANGE_POINT,
     TRIAL,

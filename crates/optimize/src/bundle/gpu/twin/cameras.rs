@@ -157,7 +157,8 @@ impl<N: Num> State<N> {
         out
     }
 
-    /// By unit: squared norms of the columns that are kept, as `scale_camera` sums them; zero where nothing may move.
+    /// By unit: squared norms of the columns that are kept with the priors on them, as `scale_camera` sums them; zero where
+    /// nothing may move.
     pub(super) fn column_norms(&self) -> Vec<[N; 8]> {
         let of_image = |image: usize| self.segments_of(image).map(|s| self.partials[s]).fold(zero(), add);
         let unit = |unit: usize| {
@@ -169,10 +170,46 @@ impl<N: Num> State<N> {
                 let sum: [N; 16] = images.map(|&i| of_image(i as usize)).fold(zero(), add);
                 (std::array::from_fn(|k| sum[8 + k]), sum[6])
             };
-            let keep = |k: usize| count.value() >= 6.0 && self.freedom[unit][k].value() == 1.0;
-            std::array::from_fn(|k| if keep(k) { norms[k] } else { N::of(0.0) })
+            let prior = self.prior(unit).0;
+            let enough = |k: usize| count.value() >= 6.0 || prior[k].value() > 0.0;
+            let keep = |k: usize| enough(k) && self.freedom[unit][k].value() == 1.0;
+            std::array::from_fn(|k| if keep(k) { norms[k] + prior[k] } else { N::of(0.0) })
         };
         (0..self.images + self.cameras).map(unit).collect()
+    }
+
+    /// Diagonal and gradient of the priors on a unit.
+    fn prior(&self, unit: usize) -> ([N; 8], [N; 8]) {
+        let Some(camera) = unit.checked_sub(self.images) else { return (zero(), zero()) };
+        let (prior, params) = (&self.priors[camera], &self.intrinsics[camera]);
+        let diagonal: [N; 8] = std::array::from_fn(|k| prior[8 + k]);
+        (diagonal, std::array::from_fn(|k| diagonal[k] * (params[k] - prior[k])))
+    }
+
+    /// By unit: diagonal and gradient of the priors in the column scale that is there.
+    pub(super) fn scaled_priors(&self) -> Vec<[N; 16]> {
+        let unit = |unit: usize| {
+            let (scale, (diagonal, gradient)) = (self.unit(0, unit), self.prior(unit));
+            std::array::from_fn(
+                |k| if k < 8 { scale[k] * scale[k] * diagonal[k] } else { scale[k - 8] * gradient[k - 8] },
+            )
+        };
+        (0..self.images + self.cameras).map(unit).collect()
+    }
+
+    /// What the priors cost less at the tried parameters, and what they cost there.
+    pub(super) fn prior_camera(&self) -> [N; 2] {
+        let camera = |camera: usize| {
+            let at = |block: usize| &self.intrinsics[camera + block * self.cameras];
+            let (before, after, change, prior) = (at(0), at(1), at(2), &self.priors[camera]);
+            let (half, two) = (N::of(0.5), N::of(2.0));
+            let off: [N; 8] = std::array::from_fn(|k| after[k] - prior[k]);
+            let from: [N; 8] = std::array::from_fn(|k| two * (before[k] - prior[k]) + change[k]);
+            let weighted = |v: &[N; 8]| -> [N; 8] { std::array::from_fn(|k| prior[8 + k] * v[k]) };
+            [-(half * dot(&weighted(change), &from)), half * dot(&weighted(&off), &off)]
+        };
+        let lane = |lane: usize| (lane..self.cameras).step_by(256).map(camera).fold(zero(), add);
+        tree((0..256).map(lane).collect())
     }
 
     /// By point: the step it would take alone, with its damped block.

@@ -55,6 +55,8 @@ pub(super) fn check_linearization(bench: &Bench<'_>) {
     let exact_root = |v: Bounded| if v.value > 0.0 { Bounded::of(1.0) / v.root() } else { Bounded::of(0.0) };
     let (t, e) = (twin.column_norms(), exact.column_norms());
     compare("scale_camera", &found, flat(&t).map(inverse_root), flat(&e).map(exact_root));
+    let found: Vec<f32> = (0..bench.units()).flat_map(|u| [twin.unit(8, u), twin.unit(9, u)]).flatten().collect();
+    compare("its priors", &found, flat(&twin.scaled_priors()), flat(&exact.scaled_priors()));
 }
 
 pub(super) fn check_preconditioner(bench: &Bench<'_>) {
@@ -123,6 +125,9 @@ fn check_inverses(state: &State<f32>, block_sums: &[f32], eliminated: &dyn Fn(us
         let (begin, end) = if unit >= images { (6, 14) } else { (0, if owned { 14 } else { 6 }) };
         let scale =
             |k: usize| f64::from(if k < 6 { state.unit(0, unit)[k] } else { state.unit(0, images + camera)[k - 6] });
+        let prior = |section: usize, k: usize| {
+            f64::from(if k < 6 { state.unit(section, unit)[k] } else { state.unit(section, images + camera)[k - 6] })
+        };
         let sum = |k: usize| -> f64 {
             let segments = members.iter().flat_map(|&i| state.segments_of(i));
             segments.map(|s| f64::from(block_sums[SUMS * s + k])).sum()
@@ -136,7 +141,7 @@ fn check_inverses(state: &State<f32>, block_sums: &[f32], eliminated: &dyn Fn(us
                         let (low, high) = (i.min(k), i.max(k));
                         let points = if unit >= images { eliminated(camera, 8 * (low - 6) + high - 6) } else { 0.0 };
                         let entry = scale(i) * scale(k) * (sum(14 * low - low * (low + 1) / 2 + high) - points);
-                        let damped = if i == k { entry + f64::from(state.lambda) } else { entry };
+                        let damped = if i == k { entry + f64::from(state.lambda) + prior(8, i) } else { entry };
                         damped * f64::from(state.inverses[unit][14 * k + j])
                     })
                     .sum();
@@ -145,7 +150,7 @@ fn check_inverses(state: &State<f32>, block_sums: &[f32], eliminated: &dyn Fn(us
             }
             if !(unit >= images && owned) {
                 let (at, k) = if i < 6 { (unit, i) } else { (images + camera, i - 6) };
-                let (found, wanted) = (f64::from(state.unit(1, at)[k]), scale(i) * sum(105 + i));
+                let (found, wanted) = (f64::from(state.unit(1, at)[k]), scale(i) * sum(105 + i) - prior(9, i));
                 assert!((found - wanted).abs() <= EXACT * (wanted.abs() + 1.0), "unit {unit}, {i}: {found} {wanted}");
             }
         }

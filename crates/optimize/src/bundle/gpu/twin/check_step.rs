@@ -40,7 +40,10 @@ pub(super) fn check_pcg(bench: &Bench<'_>) {
 pub(super) fn check_cameras(bench: &Bench<'_>) {
     bench.run("step_camera");
     bench.run("change_camera");
-    let (_, state) = bench.twins();
+    bench.run("prior_camera");
+    let (twin, state) = bench.twins();
+    let found = [twin.vectors[1][2], twin.vectors[1][3]];
+    compare("prior_camera", &found, twin.prior_camera(), state.prior_camera());
     let (images, cameras) = (state.images, state.cameras);
     let cell = state.cell.value;
     for i in 0..images {

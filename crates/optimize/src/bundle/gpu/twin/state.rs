@@ -40,6 +40,8 @@ pub(super) struct State<N> {
     pub(super) segments: Vec<[u32; 4]>,
     pub(super) topology: Vec<u32>,
     pub(super) freedom: Vec<[N; 8]>,
+    /// Means of a camera's parameters, then their inverse variances.
+    pub(super) priors: Vec<[N; 16]>,
     pub(super) pixels: Vec<[N; 2]>,
     pub(super) views: Vec<View<N>>,
     /// fx, fy, cx, cy, k1, k2, p1, p2.
@@ -86,6 +88,7 @@ impl<N: Num> State<N> {
             segments: vec![[0; 4]; layout.segments],
             topology: layout.topology.clone(),
             freedom: layout.freedom.iter().map(|f| f.map(N::of)).collect(),
+            priors: layout.priors.rows.iter().map(|p| p.map(N::of)).collect(),
             pixels: Vec::new(),
             views: views
                 .chunks_exact(16)
@@ -117,7 +120,7 @@ impl<N: Num> State<N> {
                 .chunks_exact(196)
                 .map(|w| std::array::from_fn(|k| real(w[k])))
                 .collect(),
-            vectors: rows4(words(&buffers.vectors, 4 * (4 + 16 * (images + cameras)))),
+            vectors: rows4(words(&buffers.vectors, 4 * (4 + 20 * (images + cameras)))),
         };
         for (chunk, buffers) in layout.chunks.iter().zip(&resident.chunks) {
             let (first, observation) = (state.points.len(), state.by_point.len());

@@ -10,7 +10,7 @@ use super::bench::Bench;
 use super::check_linear::{check_linearization, check_preconditioner};
 use super::check_step::{check_cameras, check_pcg, check_trial};
 use crate::bundle::gpu::{GpuSystem, Residency};
-use crate::bundle::{Options, PoseFreedom, Problem};
+use crate::bundle::{Options, ParamPrior, PoseFreedom, Problem};
 use crate::gpu::Device;
 use crate::gpu::tests::device;
 use crate::loss::Loss;
@@ -44,6 +44,8 @@ fn kernels_agree_with_their_twins_on_many_small_cameras() {
     let mut problem = common::ring(&scene);
     common::perturb(&mut problem, 0.3, 0.02, 3);
     problem.loss = Loss::Huber(1.0);
+    problem.param_priors[1].push(ParamPrior { index: 0, mean: 905.0, sigma: 2.0 });
+    problem.param_priors[1].push(ParamPrior { index: 5, mean: 0.01, sigma: 0.1 });
     problem.pose_freedom[2] = PoseFreedom::RotationFixed;
     // An image without observations, a point seen once, and one behind everything that sees it.
     problem.cam_from_world.push(problem.cam_from_world[0]);
@@ -87,5 +89,6 @@ fn kernels_agree_with_their_twins_on_large_cameras_and_long_tracks() {
     problem.track_start.push(problem.observation_image.len() as u32);
     common::perturb(&mut problem, 0.1, 0.01, 3);
     problem.loss = Loss::Cauchy(2.0);
+    problem.param_priors[0].push(ParamPrior { index: 0, mean: 870.0, sigma: 0.5 });
     check(&device, &problem);
 }

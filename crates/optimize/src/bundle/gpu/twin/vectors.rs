@@ -43,6 +43,12 @@ impl<N: Num> State<N> {
         std::array::from_fn(|k| row(block, 6 + k, &pose, &r[unit]))
     }
 
+    /// The direction times damping and priors.
+    fn damped(&self, unit: usize) -> [N; 8] {
+        let (p, prior) = (self.unit(5, unit), self.unit(8, unit));
+        std::array::from_fn(|k| (self.lambda + prior[k]) * p[k])
+    }
+
     /// By unit: `Jᵀ v⊥` in column scale plus damping; and the sum of squares that is the curvature.
     fn product(&self) -> (Vec<[N; 8]>, N) {
         let of_image = |image: usize| self.segments_of(image).map(|s| self.partials[s]).fold(zero::<N, 16>(), add);
@@ -63,16 +69,16 @@ impl<N: Num> State<N> {
             tree((0..LANES).map(lane).collect())
         };
         let finish = |unit: usize| -> [N; 8] {
-            let (s, p, sum) = (self.unit(0, unit), self.unit(5, unit), sum_of(unit));
-            std::array::from_fn(|k| s[k] * sum[k] + self.lambda * p[k])
+            let (s, damped, sum) = (self.unit(0, unit), self.damped(unit), sum_of(unit));
+            std::array::from_fn(|k| s[k] * sum[k] + damped[k])
         };
         let groups = |lane: usize| self.product_sums.iter().skip(lane).step_by(LANES).map(|s| [s[0]]).fold(zero(), add);
         let points: [N; 1] = tree((0..LANES).map(groups).collect());
         let rest = self.by_unit(|unit| {
             let p = self.unit(5, unit);
-            [if unit < self.images { of_image(unit)[6] } else { N::of(0.0) }, dot(&p, &p)]
+            [if unit < self.images { of_image(unit)[6] } else { N::of(0.0) }, dot(&p, &self.damped(unit))]
         });
-        ((0..self.units()).map(finish).collect(), points[0] + rest[0] + self.lambda * rest[1])
+        ((0..self.units()).map(finish).collect(), points[0] + rest[0] + rest[1])
     }
 
     /// Direction and rᵀz at the start.
