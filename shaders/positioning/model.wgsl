@@ -59,20 +59,36 @@ fn projected(v: vec3f, weight: f32, d: vec3f, huber: f32, least: f32) -> Linear 
     return masked(held(v, weight, least, d, huber).cost);
 }
 
-// An observation with d = X − C. ray.w is 1 / ray length where it is known, 0 where not, negative where the observation
-// is left out.
-fn linearize(settings: Settings, ray: vec4f, weight: f32, d: vec3f, least: f32) -> Linear {
-    if ray.w < 0.0 {
+// What is known of a ray: where it points, and its share of its camera's ω, which is 1 unless it is pinned.
+struct Ray {
+    direction: vec3f,
+    share: f32,
+}
+
+fn ray_of(stored: vec4f) -> Ray {
+    if stored.w > 0.0 {
+        let share = sqrt(dot(stored.xyz, stored.xyz));
+        return Ray(stored.xyz / share, share);
+    }
+    return Ray(stored.xyz, 1.0);
+}
+
+// An observation with d = X − C. stored.w is 1 / ray length where it is known, 0 where not, negative where the
+// observation is left out.
+fn linearize(settings: Settings, stored: vec4f, camera_weight: f32, d: vec3f, least: f32) -> Linear {
+    if stored.w < 0.0 {
         return masked(0.0);
     }
+    let ray = ray_of(stored);
+    let weight = camera_weight * ray.share;
     if settings.stage == LUD {
-        return deviation(ray.xyz, ray.w, weight, d, settings.bound, settings.delta);
+        return deviation(ray.direction, stored.w, weight, d, settings.bound, settings.delta);
     }
-    if ray.w > 0.0 {
-        return held(ray.xyz, weight, ray.w, d, settings.huber_pinned);
+    if stored.w > 0.0 {
+        return held(ray.direction, weight, stored.w, d, settings.huber_pinned);
     }
     if settings.stage == EQUAL_SCALES {
-        return held(ray.xyz, weight, settings.bound, d, settings.huber);
+        return held(ray.direction, weight, settings.bound, d, settings.huber);
     }
-    return projected(ray.xyz, weight, d, settings.huber, least);
+    return projected(ray.direction, weight, d, settings.huber, least);
 }

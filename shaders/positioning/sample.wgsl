@@ -26,6 +26,6 @@ fn position_sample(
     let sample = samples[k];
     let d = points[sample.x].s - centers[settings.cameras + sample.y].xyz;
     let square = dot(d, d);
-    let best = dot(rays[sample.z].xyz, d) / max(square, ON_CAMERA);
+    let best = dot(ray_of(rays[sample.z]).direction, d) / max(square, ON_CAMERA);
     lengths[sample.w] = vec2f(sqrt(square), select(-1.0, best, best > 0.0 && is_finite(best)));
 }

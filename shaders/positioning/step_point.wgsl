@@ -54,7 +54,8 @@ fn meeting_point(p: u32, x: vec3f) -> vec3f {
         let center = centers[settings.cameras + by_point[o].camera];
         let d = x - center.xyz;
         if rays[o].w >= 0.0 {
-            let row = Row(rays[o].xyz, sqrt(center.w / max(dot(d, d), ON_CAMERA)));
+            let ray = ray_of(rays[o]);
+            let row = Row(ray.direction, sqrt(center.w * ray.share / max(dot(d, d), ON_CAMERA)));
             r = fold_across(r, row.scale, row.direction);
             right += apply_block(row, center.xyz);
         }

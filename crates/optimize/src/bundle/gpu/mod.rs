@@ -29,25 +29,8 @@ pub use system::GpuSystem;
 use super::options::Options;
 use super::problem::Problem;
 use crate::error::OptimizeError;
-use crate::gpu::Device;
-use crate::lm::{IterationRecord, LmReport, Observer, minimize};
-use system::Failure;
-
-/// Stops the loop when the device fails.
-struct Guard<'a> {
-    inner: &'a mut dyn Observer,
-    failure: Failure,
-}
-
-impl Observer for Guard<'_> {
-    fn iteration(&mut self, record: &IterationRecord) {
-        self.inner.iteration(record);
-    }
-
-    fn should_stop(&self) -> bool {
-        self.failure.borrow().is_some() || self.inner.should_stop()
-    }
-}
+use crate::gpu::{Device, Guard};
+use crate::lm::{LmReport, Observer, minimize};
 
 /// Solves on a GPU. The problem is left at the last accepted state, with its cost evaluated in `f64`.
 ///
@@ -77,8 +60,7 @@ pub async fn solve_with(
     let failure = system.failure();
     let mut guard = Guard { inner: observer, failure: failure.clone() };
     let mut report = minimize(&mut system, &options.lm, &mut guard).await;
-    let failed = failure.borrow().clone();
-    let written = match failed {
+    let written = match failure.get() {
         Some(error) => Err(error),
         None => system.write(problem).await,
     };

@@ -1,7 +1,6 @@
 //! The bundle problem resident on a GPU: queues kernels, reads scalars back.
 
-use std::cell::{Cell, RefCell};
-use std::rc::Rc;
+use std::cell::Cell;
 
 use super::buffers::ROW_BYTES;
 use super::checkpoint::{Checkpoint, Checkpoints};
@@ -16,7 +15,7 @@ use crate::bundle::depth::Depth;
 use crate::bundle::options::Options;
 use crate::bundle::problem::Problem;
 use crate::error::OptimizeError;
-use crate::gpu::{Device, GpuError, ReadBack};
+use crate::gpu::{Device, Failure, GpuError, ReadBack};
 use crate::lm::{Evaluation, Step, System, Trial};
 
 /// Accepted steps between two evaluations of the residuals from scratch (source: `solver.md` §5.5).
@@ -38,9 +37,6 @@ const FIXED_PRODUCTS: f64 = 6.0;
 const MAX_FLIPPED_SHARE: f64 = 0.01;
 /// Bytes of PCG state that are read back.
 const STATE_BYTES: u64 = 32;
-
-/// Where a failure of the device is left: the verbs of [`System`] return scalars only.
-pub(super) type Failure = Rc<RefCell<Option<GpuError>>>;
 
 /// A bundle adjustment problem on a GPU.
 #[derive(Debug)]
@@ -161,7 +157,7 @@ impl<'a> GpuSystem<'a> {
 
     /// Keeps the first failure; the loop then sees a step without a solution and the observer's wish to stop.
     fn kept<T>(&self, result: Result<T, GpuError>) -> Option<T> {
-        result.map_err(|error| self.failure.borrow_mut().get_or_insert(error).clone()).ok()
+        self.failure.keep(result)
     }
 
     /// Sums of the columns of rows (eighth: maximum), in `f64`.
@@ -328,7 +324,7 @@ impl System for GpuSystem<'_> {
             }
         };
         self.evaluation = Some(evaluation);
-        if std::mem::take(&mut self.is_unsaved) && self.failure.borrow().is_none() {
+        if std::mem::take(&mut self.is_unsaved) && self.failure.get().is_none() {
             self.keep_state(evaluation.cost);
         }
         evaluation
@@ -340,7 +336,7 @@ impl System for GpuSystem<'_> {
 
     async fn solve(&mut self, lambda: f64) -> Option<Step> {
         self.trial = Trial { decrease: f64::NAN };
-        if self.failure.borrow().is_some() {
+        if self.failure.get().is_some() {
             return None;
         }
         (self.iteration, self.lambda) = (self.iteration + 1, lambda);

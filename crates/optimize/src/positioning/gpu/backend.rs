@@ -52,7 +52,7 @@ impl Backend for Gpu<'_> {
     ) -> Result<LmReport, OptimizeError> {
         let clipped = rays.weight.contains(&0.0);
         if clipped || self.clipped {
-            self.resident.write_rays(self.device(), &self.arrangement, rays);
+            self.write_rays(rays);
             self.clipped = clipped;
         }
         self.settings.stage = Stage::Project;

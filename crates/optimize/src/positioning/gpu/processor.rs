@@ -1,7 +1,7 @@
 //! The positioning problem resident on a GPU: what convex starts and variable projection both queue and read back.
 
 use super::chunks::Chunks;
-use super::records::{Gauge, Settings, point_record};
+use super::records::{Gauge, Settings, camera_weights, point_record, ray_records};
 use super::resident::{ROW_BYTES, Resident};
 use crate::gpu::kernels::REDUCE;
 use crate::gpu::kernels::positioning as kernels;
@@ -72,10 +72,10 @@ impl<'a> Gpu<'a> {
             metric: rays.metric,
             ..Settings::default()
         };
-        let resident = Resident::new(device, layout, rays, &arrangement, &settings)?;
+        let weights = camera_weights(layout, rays);
+        let records = ray_records(layout, rays, &weights);
+        let resident = Resident::new(device, layout.cameras(), &records, &arrangement, &settings)?;
         let read_back = device.read_back("scalars", STATE_BYTES + resident.rows as u64 * ROW_BYTES)?;
-        let mut weights = vec![1.0; layout.cameras()];
-        layout.camera.iter().zip(&rays.weight).for_each(|(&camera, &weight)| weights[camera as usize] = weight);
         Ok(Self {
             device,
             layout,
@@ -109,6 +109,12 @@ impl<'a> Gpu<'a> {
         for (chunk, buffers) in self.arrangement.chunks.iter().zip(&self.resident.chunks) {
             self.device.write(&buffers.points, &points[chunk.points.clone()]);
         }
+    }
+
+    /// Leaves observations out, or takes them in again; weights are as at the start else.
+    pub(super) fn write_rays(&self, rays: &Rays<f32>) {
+        let records = ray_records(self.layout, rays, &self.weights);
+        self.resident.write_rays(self.device, &self.arrangement, &records);
     }
 
     /// The accepted positions.

@@ -1,6 +1,6 @@
 //! How plain data becomes the kernels' records, laid out as `shaders/positioning/types.wgsl` declares them.
 
-use crate::positioning::layout::Rays;
+use crate::positioning::layout::{Layout, Rays};
 use crate::positioning::vec3::Vec3;
 use crate::reduced::PcgOptions;
 
@@ -87,10 +87,24 @@ impl Settings {
     }
 }
 
-/// Directions with what is known of their lengths: 1 / length, 0, or −1 where the observation is left out.
-pub(super) fn ray_records(rays: &Rays<f32>) -> Vec<[f32; 4]> {
-    let known = rays.pin.iter().zip(&rays.weight).map(|(&pin, &weight)| if weight > 0.0 { pin } else { -1.0 });
-    rays.direction.iter().zip(known).map(|(&[x, y, z], known)| [x, y, z, known]).collect()
+/// ω by camera: the largest of its observations. Only pins weigh less.
+pub(super) fn camera_weights(layout: &Layout, rays: &Rays<f32>) -> Vec<f32> {
+    let mut weights = vec![0.0f32; layout.cameras()];
+    for (&camera, &weight) in layout.camera.iter().zip(&rays.weight) {
+        weights[camera as usize] = weights[camera as usize].max(weight);
+    }
+    weights
+}
+
+/// Directions with what is known of their lengths: 1 / length, 0, or −1 where the observation is left out. A pinned
+/// direction is as long as the pin's share of its camera's ω.
+pub(super) fn ray_records(layout: &Layout, rays: &Rays<f32>, weights: &[f32]) -> Vec<[f32; 4]> {
+    let record = |o: usize| {
+        let ([x, y, z], weight, pin) = (rays.direction[o], rays.weight[o], rays.pin[o]);
+        let share = if pin > 0.0 { weight / weights[layout.camera[o] as usize] } else { 1.0 };
+        if weight > 0.0 { [share * x, share * y, share * z, pin] } else { [x, y, z, -1.0] }
+    };
+    (0..layout.observations()).map(record).collect()
 }
 
 /// `Point` with the tried position at the accepted one.

@@ -1,11 +1,10 @@
 //! A problem's buffers on a device, and the kernels bound to them.
 
 use super::chunks::{Chunk, Chunks};
-use super::records::{Params, Settings, ray_records};
+use super::records::{Params, Settings};
 use crate::gpu::kernels::positioning::{self as kernels, POSITIONING};
 use crate::gpu::kernels::{Kernel, REDUCE};
 use crate::gpu::{Bound, Device, GpuError, Pipelines};
-use crate::positioning::layout::{Layout, Rays};
 
 /// Rows of sums that the host adds in `f64` at most (source: `solver.md` §1.4).
 const HOST_ROWS: usize = 1024;
@@ -98,14 +97,13 @@ pub(super) struct Resident {
 impl Resident {
     pub(super) fn new(
         device: &Device,
-        layout: &Layout,
-        rays: &Rays<f32>,
+        cameras: usize,
+        rays: &[[f32; 4]],
         arrangement: &Chunks,
         settings: &Settings,
     ) -> Result<Self, GpuError> {
         let span = arrangement.groups.div_ceil(HOST_ROWS).max(MIN_SPAN);
         let rows = arrangement.groups.div_ceil(span);
-        let cameras = layout.cameras();
         let zeroed = |name, bytes: usize| device.zeroed(name, bytes as u64);
         let shared = SharedBuffers {
             settings: device.uniform("settings", &settings.words())?,
@@ -119,8 +117,7 @@ impl Resident {
             reduced: zeroed("reduced sums", ROW_BYTES as usize * rows)?,
             lengths: zeroed("lengths", 8 * arrangement.samples)?,
         };
-        let rays = ray_records(rays);
-        let chunks = arrangement.chunks.iter().map(|chunk| ChunkBuffers::new(device, chunk, &rays));
+        let chunks = arrangement.chunks.iter().map(|chunk| ChunkBuffers::new(device, chunk, rays));
         let mut resident = Self { chunks: chunks.collect::<Result<_, _>>()?, shared, rows, ready: Vec::new() };
         resident.bind(device, arrangement, cameras)?;
         Ok(resident)
@@ -197,10 +194,9 @@ impl Resident {
     }
 
     /// Replaces what is known of the rays.
-    pub(super) fn write_rays(&self, device: &Device, arrangement: &Chunks, rays: &Rays<f32>) {
-        let records = ray_records(rays);
+    pub(super) fn write_rays(&self, device: &Device, arrangement: &Chunks, rays: &[[f32; 4]]) {
         for (chunk, buffers) in arrangement.chunks.iter().zip(&self.chunks) {
-            device.write(&buffers.rays, &records[chunk.observations.clone()]);
+            device.write(&buffers.rays, &rays[chunk.observations.clone()]);
         }
     }
 

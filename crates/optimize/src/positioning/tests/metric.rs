@@ -18,6 +18,12 @@ pub(crate) fn pin(scene: &mut Scene, share: f64, noise: f64) {
     scene.problem.pinned_scale = Some(pins);
 }
 
+/// Says that every other pin is uncertain, by up to a third.
+pub(crate) fn doubt(scene: &mut Scene) {
+    let sigma = (0..scene.problem.observations()).map(|o| if o % 2 == 0 { 0.05 } else { (o % 7) as f64 / 20.0 });
+    scene.problem.pin_sigma = Some(sigma.collect());
+}
+
 /// Size of the found camera path over the true one.
 pub(crate) fn scale(scene: &Scene) -> f64 {
     let spread = |v: &[glam::DVec3]| {

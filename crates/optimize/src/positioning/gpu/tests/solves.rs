@@ -14,7 +14,7 @@ use crate::lm::{IterationRecord, Observer};
 use crate::positioning::backend::Backend;
 use crate::positioning::convex::equal_scales;
 use crate::positioning::layout::{Layout, Rays};
-use crate::positioning::tests::metric::{pin, scale};
+use crate::positioning::tests::metric::{doubt, pin, scale};
 use crate::positioning::tests::scene::{KINDS, Kind, Noise, Random, aligned_error, garbage, scene};
 use crate::positioning::{Grade, Options, Start, solve};
 
@@ -48,6 +48,7 @@ fn pins_make_the_world_metric_as_on_the_cpu() {
 
         let mut noisy = scene(kind, NOISE, 3);
         pin(&mut noisy, 0.3, 0.1);
+        doubt(&mut noisy);
         let mut on_cpu = noisy.problem.clone();
         let cpu = solve(&mut on_cpu, &Options::default(), &mut ()).unwrap();
         let gpu = on_gpu(&device, &mut noisy.problem, &Options::default()).unwrap();

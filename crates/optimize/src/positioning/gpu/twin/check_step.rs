@@ -1,5 +1,6 @@
 //! Kernels of PCG, of the step and of the gauge against their twins.
 
+use super::model::ray_of;
 use super::points::grouped;
 use super::state::{Chunk, State};
 use super::test::{Numbers, run, states};
@@ -177,8 +178,8 @@ fn check_samples(gpu: &Gpu<'_>) {
         let all = chunks.flat_map(|chunk| chunk.samples.iter().map(move |s| (chunk, s.map(|v| v as usize))));
         all.map(|(chunk, [point, camera, ray, _])| {
             let d = sub(chunk.points[point].s, state.center(1, camera));
-            let [x, y, z, _] = chunk.rays[ray];
-            let best = dot(&[x, y, z], &d) / dot(&d, &d);
+            let (direction, _) = ray_of(chunk.rays[ray]);
+            let best = dot(&direction, &d) / dot(&d, &d);
             [dot(&d, &d).root(), if best.value() > 0.0 { best } else { N::of(-1.0) }]
         })
         .collect()

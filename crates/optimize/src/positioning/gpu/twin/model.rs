@@ -51,6 +51,15 @@ fn held<N: Num>(v: Vec3<N>, weight: N, s: N, d: Vec3<N>, huber: N) -> Linear<N> 
     }
 }
 
+/// Direction of a stored ray, and its share of its camera's ω.
+pub(super) fn ray_of<N: Num>([x, y, z, pin]: [N; 4]) -> (Vec3<N>, N) {
+    if pin.value() > 0.0 {
+        let share = dot(&[x, y, z], &[x, y, z]).root();
+        return ([x / share, y / share, z / share], share);
+    }
+    ([x, y, z], N::of(1.0))
+}
+
 fn masked<N: Num>(cost: N) -> Linear<N> {
     let zero = N::of(0.0);
     Linear { row: Row { direction: None, scale: zero }, gradient: [zero; 3], cost, pulls: false }
@@ -58,11 +67,13 @@ fn masked<N: Num>(cost: N) -> Linear<N> {
 
 impl<N: Num> State<N> {
     pub(super) fn linear(&self, ray: [N; 4], weight: N, d: Vec3<N>) -> Linear<N> {
-        let (settings, v, pin) = (&self.settings, [ray[0], ray[1], ray[2]], ray[3]);
+        let (settings, pin) = (&self.settings, ray[3]);
         let of = N::of;
         if pin.value() < 0.0 {
             return masked(of(0.0));
         }
+        let (v, share) = ray_of(ray);
+        let weight = weight * share;
         let along = dot(&v, &d);
         if settings.stage == Stage::Lud {
             let free = pin.value() == 0.0 && along.value() > f64::from(settings.bound);

@@ -16,7 +16,7 @@ use crate::positioning::gpu::chunks::CHUNK_OBSERVATIONS;
 use crate::positioning::gpu::processor::Gpu;
 use crate::positioning::gpu::records::{Gauge, Stage};
 use crate::positioning::layout::{Layout, Rays};
-use crate::positioning::tests::metric::pin;
+use crate::positioning::tests::metric::{doubt, pin};
 use crate::positioning::tests::scene::{Kind, Noise, Random, Scene, scene};
 use crate::positioning::vec3::from_dvec3;
 
@@ -99,6 +99,7 @@ fn kernels_agree_with_their_twins_where_cameras_and_points_have_little_left() {
     let few = |point: usize, camera: u32| camera == 3 || point == 5 || (point == 6 && camera % 7 != 0);
     check(&device, &scene, few, CHUNK_OBSERVATIONS);
     pin(&mut scene, 0.3, 0.1);
+    doubt(&mut scene);
     check(&device, &scene, few, 1000);
 }
 
@@ -125,5 +126,6 @@ fn kernels_agree_with_their_twins_on_large_cameras_and_long_tracks() {
     add_point(&mut scene, DVec3::new(0.1, 0.2, -0.1), (0..500).map(|k| k % 50));
     check(&device, &scene, |_, _| false, CHUNK_OBSERVATIONS);
     pin(&mut scene, 0.3, 0.1);
+    doubt(&mut scene);
     check(&device, &scene, |_, _| false, 7000);
 }
