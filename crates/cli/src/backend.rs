@@ -76,7 +76,7 @@ mod gpu {
             }
             Size::Observations(_) | Size::Keypoints(_) => {}
         }
-        let policy = Policy { min_observations: MIN_OBSERVATIONS, strict: false };
+        let policy = Policy { min_observations: MIN_OBSERVATIONS, ..Policy::default() };
         let engine = block_on(DeviceEngine::open(Limits::Adapter, policy)).map_err(|error| error.to_string())?;
         match engine.device() {
             Some(device) if device.is_software() => Err(format!("there is only {}", device.description())),
@@ -86,7 +86,7 @@ mod gpu {
 
     /// Whatever device there is, for everything.
     pub(super) fn open(strict: bool) -> Result<Engine, CliError> {
-        let policy = Policy { min_observations: 0, strict };
+        let policy = Policy { strict, ..Policy::default() };
         let engine = block_on(DeviceEngine::open(Limits::Adapter, policy)).map_err(OptimizeError::from)?;
         Ok(Engine::Gpu(engine))
     }

@@ -5,24 +5,31 @@ use std::rc::Rc;
 use super::Notice;
 use crate::error::OptimizeError;
 use crate::gpu::{Device, GpuError, Limits};
-use crate::lm::{LmOptions, LmReport, Observer};
+use crate::lm::{IterationRecord, LmOptions, LmReport, Observer};
 use crate::{bundle, positioning};
 
 /// Below this the processor is done before a device has answered a few dozen times.
 pub const MIN_OBSERVATIONS: usize = 100_000;
 /// In single precision a smaller decrease is rounding (source: `solver.md` §5.7).
 const MIN_TOLERANCE: f64 = 1e-7;
-/// Losses within one solve after which it goes on on the CPU: a problem that takes the driver down does so every time.
-const MAX_LOSSES: usize = 3;
 
 /// Which solves a device gets.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Policy {
     /// Smaller problems stay on the CPU, which is faster there, without a notice.
     pub min_observations: usize,
     /// A problem that the device cannot solve is an error instead of a [`Notice`] and a solve on the CPU. A lost device
     /// is no such problem.
     pub strict: bool,
+    /// How many losses one solve survives on devices: a problem that takes the driver down does so every time.
+    pub max_losses: usize,
+}
+
+impl Default for Policy {
+    /// Everything on the device, the CPU where it cannot.
+    fn default() -> Self {
+        Self { min_observations: 0, strict: false, max_losses: 3 }
+    }
 }
 
 /// A device with its policy.
@@ -69,27 +76,33 @@ impl DeviceEngine {
         if problem.observation_px.len() < self.policy.min_observations {
             return bundle::solve(problem, options, observer);
         }
-        let mut single = bundle::Options { lm: in_single_precision(&options.lm), ..*options };
+        let mut rest = *options;
         let mut losses = 0;
+        let mut done = 0;
         while let Some(device) = self.device.clone() {
-            match bundle::gpu::solve(&device, problem, &single, observer).await {
+            let single = bundle::Options { lm: in_single_precision(&rest.lm), ..rest };
+            match bundle::gpu::solve(&device, problem, &single, &mut Later { done, observer }).await {
                 Err(OptimizeError::Gpu(GpuError::Lost { reason })) => {
                     losses += 1;
                     self.replace(losses, reason, observer).await;
                 }
                 Err(OptimizeError::Interrupted { error: GpuError::Lost { reason }, kept }) => {
                     losses += 1;
-                    single.lm.lambda0 = kept.map_or(single.lm.lambda0, |kept| kept.lambda);
+                    if let Some(kept) = kept {
+                        done += kept.iteration;
+                        rest.lm.max_iterations = rest.lm.max_iterations.saturating_sub(kept.iteration).max(1);
+                        rest.lm.lambda0 = kept.lambda;
+                    }
                     self.replace(losses, reason, observer).await;
                 }
                 Err(OptimizeError::Gpu(error) | OptimizeError::Interrupted { error, .. }) => {
                     self.refused("bundle adjustment", error, observer).await?;
                     break;
                 }
-                solved => return solved,
+                solved => return solved.map(|report| after(report, done)),
             }
         }
-        bundle::solve(problem, options, observer)
+        bundle::solve(problem, &rest, &mut Later { done, observer }).map(|report| after(report, done))
     }
 
     pub(super) async fn position(
@@ -98,16 +111,30 @@ impl DeviceEngine {
         options: &positioning::Options,
         observer: &mut dyn Observer,
     ) -> Result<positioning::Report, OptimizeError> {
-        if self.device.is_some() && problem.observation_image.len() >= self.policy.min_observations {
-            let reason = "its kernels are not part of this version".into();
-            self.tell(Notice::OnCpu { what: "global positioning", reason }, observer);
+        if problem.observation_image.len() < self.policy.min_observations {
+            return positioning::solve(problem, options, observer);
+        }
+        let mut losses = 0;
+        while let Some(device) = self.device.clone() {
+            // It needs no initial positions, so nothing is kept on the way: after a loss it starts again.
+            match positioning::gpu::solve(&device, problem, options, observer).await {
+                Err(OptimizeError::Gpu(GpuError::Lost { reason })) => {
+                    losses += 1;
+                    self.replace(losses, reason, observer).await;
+                }
+                Err(OptimizeError::Gpu(error)) => {
+                    self.refused("global positioning", error, observer).await?;
+                    break;
+                }
+                solved => return solved,
+            }
         }
         positioning::solve(problem, options, observer)
     }
 
     /// A new device in place of a lost one, if there is one and the loss was not one too many.
     async fn replace(&mut self, losses: usize, reason: String, observer: &mut dyn Observer) {
-        self.device = match losses < MAX_LOSSES {
+        self.device = match losses <= self.policy.max_losses {
             true => Device::open(self.limits).await.ok().map(Rc::new),
             false => None,
         };
@@ -116,7 +143,7 @@ impl DeviceEngine {
     }
 
     /// The device is there but did not solve the problem: an error, or the CPU's turn.
-    async fn refused(
+    pub(super) async fn refused(
         &mut self,
         what: &'static str,
         error: GpuError,
@@ -139,6 +166,31 @@ impl DeviceEngine {
             self.told.push(notice);
         }
     }
+}
+
+/// Numbers the iterations of a resumed solve after those that were kept.
+struct Later<'a> {
+    done: usize,
+    observer: &'a mut dyn Observer,
+}
+
+impl Observer for Later<'_> {
+    fn iteration(&mut self, record: &IterationRecord) {
+        self.observer.iteration(&IterationRecord { iteration: self.done + record.iteration, ..*record });
+    }
+
+    fn notice(&mut self, notice: &Notice) {
+        self.observer.notice(notice);
+    }
+
+    fn should_stop(&self) -> bool {
+        self.observer.should_stop()
+    }
+}
+
+/// The report of a resumed solve, which starts at the resumed state, counts the iterations before it.
+fn after(report: LmReport, done: usize) -> LmReport {
+    LmReport { iterations: done + report.iterations, ..report }
 }
 
 fn in_single_precision(lm: &LmOptions) -> LmOptions {

@@ -6,6 +6,8 @@
 #[cfg(feature = "gpu")]
 mod device;
 mod notice;
+#[cfg(all(test, feature = "gpu"))]
+mod tests;
 
 #[cfg(feature = "gpu")]
 pub use device::{DeviceEngine, MIN_OBSERVATIONS, Policy};
@@ -53,10 +55,10 @@ impl Engine {
         }
     }
 
-    /// Global positioning: [`positioning::solve`].
+    /// Global positioning: [`positioning::solve`] or [`positioning::gpu::solve`].
     ///
     /// # Errors
-    /// [`OptimizeError`] for a bad problem.
+    /// [`OptimizeError`] for a bad problem; on a device see [`DeviceEngine`].
     pub async fn position(
         &mut self,
         problem: &mut positioning::Problem,

@@ -15,6 +15,7 @@ macro_rules! shaders {
 }
 
 shaders![
+    "bench/stream_read.wgsl",
     "bundle/back_substitute.wgsl",
     "bundle/block.wgsl",
     "bundle/block_sums.wgsl",

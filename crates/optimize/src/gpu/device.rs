@@ -4,6 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::error::GpuError;
 use super::pipelines::Cache;
+use super::timer::Timer;
 
 /// Which limits to ask an adapter for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -24,6 +25,7 @@ pub struct Device {
     software: bool,
     fault: Fault,
     pub(super) pipelines: Cache,
+    pub(super) timer: Arc<Timer>,
 }
 
 /// The first failure that the device reported, from whichever thread.
@@ -64,8 +66,13 @@ impl Device {
             required_limits.max_storage_buffer_binding_size =
                 offered.max_storage_buffer_binding_size.max(required_limits.max_storage_buffer_binding_size);
         }
-        let descriptor =
-            wgpu::DeviceDescriptor { label: Some("epipole"), required_limits, ..wgpu::DeviceDescriptor::default() };
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("epipole"),
+            // Only benchmarks use them; a device without is as good.
+            required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
+            required_limits,
+            ..wgpu::DeviceDescriptor::default()
+        };
         let (device, queue) = adapter
             .request_device(&descriptor)
             .await
@@ -86,7 +93,7 @@ impl Device {
         let software = info.device_type == wgpu::DeviceType::Cpu;
         let kind = if software { "software adapter, correct but slow" } else { "hardware adapter" };
         let description = format!("{} ({:?}, {kind})", info.name, info.backend);
-        Ok(Self { device, queue, description, software, fault, pipelines: Cache::default() })
+        Ok(Self { device, queue, description, software, fault, pipelines: Cache::default(), timer: Arc::default() })
     }
 
     /// Name, API and kind of the adapter, for people.

@@ -67,17 +67,26 @@ pub const REDUCE: Kernel = Kernel {
     bindings: &[uniform("reduce_params"), read("rows"), write("sums")],
 };
 
-/// Every kernel: the probe, then those of the problems.
+/// Reads a buffer once: what the device's memory can do, for the benchmark.
+pub const STREAM_READ: Kernel = Kernel {
+    name: "stream_read",
+    file: "bench/stream_read.wgsl",
+    workgroup_size: 256,
+    bindings: &[uniform("stream_params"), read("stream"), write("sums")],
+};
+
+/// Every kernel: the device room's own, then those of the problems.
 pub const KERNELS: &[Kernel] = &{
-    let mut all = [PROBE; 1 + BUNDLE.len() + POSITIONING.len()];
+    let mut all = [PROBE; 2 + BUNDLE.len() + POSITIONING.len()];
+    all[1] = STREAM_READ;
     let mut i = 0;
     while i < BUNDLE.len() {
-        all[1 + i] = BUNDLE[i];
+        all[2 + i] = BUNDLE[i];
         i += 1;
     }
     let mut i = 0;
     while i < POSITIONING.len() {
-        all[1 + BUNDLE.len() + i] = POSITIONING[i];
+        all[2 + BUNDLE.len() + i] = POSITIONING[i];
         i += 1;
     }
     all

@@ -13,6 +13,7 @@ pub mod kernels;
 mod pipelines;
 #[cfg(test)]
 pub(crate) mod tests;
+mod timer;
 mod variant;
 
 pub use buffers::{Pending, ReadBack};
@@ -20,4 +21,5 @@ pub use device::{Device, Limits};
 pub use error::GpuError;
 pub(crate) use failure::{Failure, Guard};
 pub use pipelines::{Bound, Pipelines, split_groups};
+pub use timer::KernelTime;
 pub use variant::Variant;

@@ -1,11 +1,12 @@
 //! Kernels made ready for a device, bound to buffers and dispatched.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::compose::{compose, variants};
 use super::device::Device;
 use super::error::GpuError;
 use super::kernels::{Access, Kernel};
+use super::timer::{Stamp, Timer};
 use super::variant::Variant;
 
 /// WebGPU's default limit of workgroups along one dimension.
@@ -44,8 +45,10 @@ pub(super) struct Cache(Mutex<Vec<Compiled>>);
 /// A kernel with its buffers, ready to be dispatched.
 #[derive(Clone, Debug)]
 pub struct Bound {
+    kernel: &'static str,
     pipeline: wgpu::ComputePipeline,
     group: wgpu::BindGroup,
+    timer: Arc<Timer>,
 }
 
 impl Pipelines {
@@ -105,7 +108,8 @@ impl Pipelines {
             .collect();
         let descriptor = wgpu::BindGroupDescriptor { label: Some(kernel.name), layout, entries: &entries };
         let group = device.device.create_bind_group(&descriptor);
-        device.check().map(|()| Bound { pipeline: pipeline.clone(), group })
+        let timer = device.timer.clone();
+        device.check().map(|()| Bound { kernel: kernel.name, pipeline: pipeline.clone(), group, timer })
     }
 }
 
@@ -141,7 +145,9 @@ impl Bound {
             return Ok(());
         }
         let [x, y] = split_groups(groups)?;
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        let stamp = self.timer.stamp(self.kernel);
+        let timestamp_writes = stamp.as_ref().map(Stamp::writes);
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes });
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.group, &[]);
         pass.dispatch_workgroups(x, y, 1);

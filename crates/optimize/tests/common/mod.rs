@@ -234,3 +234,15 @@ pub fn print_products(name: &str, report: &LmReport, optimum: f64, seconds: f64)
     let inner: Vec<usize> = report.history.iter().map(|r| r.inner_iterations).collect();
     println!("    products by step {inner:?}");
 }
+
+/// The benchmark's scene of about so many observations: 5 a point and 0.8 √N images, as in BAL's Venice (5.0 million,
+/// 1778 images); every image with its own focal length and distortion.
+pub fn bench_scene(observations: usize) -> Scene {
+    let images = ((0.8 * (observations as f64).sqrt()).round() as usize).max(8);
+    let band = (images / 8).clamp(8, 60);
+    // A track draws five images of the band on average; those drawn twice count once.
+    let other = 1.0 - 1.0 / band as f64;
+    let distinct = band as f64 * (1.0 - other.powi(5));
+    let points = (observations as f64 / distinct).round() as usize;
+    Scene { images, points, track: 5, band, shared: false, ..Scene::default() }
+}

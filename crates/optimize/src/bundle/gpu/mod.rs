@@ -12,6 +12,7 @@ mod counters;
 mod exact;
 mod lattice;
 mod layout;
+pub mod measure;
 mod priors;
 mod records;
 mod residency;

@@ -194,7 +194,7 @@ impl<'a> GpuSystem<'a> {
         self.device.check()
     }
 
-    fn queue_start(&mut self, lambda: f64) -> Result<(), GpuError> {
+    pub(super) fn queue_start(&mut self, lambda: f64) -> Result<(), GpuError> {
         self.resident.params.lambda = lambda as f32;
         self.resident.write_params(self.device);
         let resident = &self.resident;

@@ -3,7 +3,7 @@
 use pollster::block_on;
 
 use super::device;
-use crate::gpu::kernels::{PROBE, REDUCE};
+use crate::gpu::kernels::{PROBE, REDUCE, STREAM_READ};
 use crate::gpu::{GpuError, Pipelines};
 
 #[test]
@@ -70,4 +70,44 @@ fn a_lost_device_is_a_typed_error_everywhere() {
     assert!(matches!(block_on(device.download::<u32>(&buffer, 3)), Err(GpuError::Lost { .. })));
     assert!(matches!(device.zeroed("more", 64), Err(GpuError::Lost { .. })));
     assert!(matches!(Pipelines::new(&device, &[PROBE]), Err(GpuError::Lost { .. })));
+}
+
+#[test]
+fn the_stream_is_read_once_and_timed() {
+    let Some(device) = device() else { return };
+    // Not a multiple of what a workgroup reads.
+    let count = 300_001usize;
+    let groups = count.div_ceil(256 * 16);
+    let data: Vec<[f32; 4]> = (0..count).map(|i| [(i % 7) as f32, 1.0, 0.0, -((i % 3) as f32)]).collect();
+    let pipelines = Pipelines::new(&device, &[STREAM_READ]).expect("compiles");
+    let params = device.uniform("stream params", &[count as u32, 0, 0, 0]).expect("a buffer");
+    let stream = device.storage("stream", &data).expect("a buffer");
+    let sums = device.zeroed("sums", groups as u64 * 16).expect("a buffer");
+    let bound = pipelines.bind(&device, &STREAM_READ, &[&params, &stream, &sums]).expect("binds");
+    device.start_timing();
+    let mut encoder = device.encoder();
+    for _ in 0..3 {
+        bound.dispatch(&mut encoder, groups as u64).expect("fits");
+    }
+    device.submit(encoder);
+    let found: Vec<[f32; 4]> = block_on(device.download(&sums, groups)).expect("a live device");
+    for k in 0..4 {
+        let exact: f64 = data.iter().map(|v| f64::from(v[k])).sum();
+        assert_eq!(found.iter().map(|v| f64::from(v[k])).sum::<f64>(), exact, "column {k}");
+    }
+    let times = block_on(device.finish_timing()).expect("a live device");
+    match device.has_timestamps() {
+        true => {
+            let [time] = times[..] else { panic!("one kernel: {times:?}") };
+            assert_eq!((time.kernel, time.dispatches), ("stream_read", 3));
+            // 14 MB take longer than a nanosecond and less than a minute.
+            assert!(time.seconds > 1e-9 && time.seconds < 60.0, "{time:?}");
+        }
+        false => assert!(times.is_empty()),
+    }
+    // Off again: nothing is timed.
+    let mut encoder = device.encoder();
+    bound.dispatch(&mut encoder, groups as u64).expect("fits");
+    device.submit(encoder);
+    assert_eq!(block_on(device.finish_timing()), Ok(Vec::new()));
 }
