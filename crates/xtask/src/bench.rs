@@ -1,9 +1,12 @@
 //! `cargo xtask bench`: pycolmap in its own virtual environment, the release build of Epipole, and a Python driver.
 
+mod backends;
+mod gpu;
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use clap::Args;
+use clap::{Args, Subcommand};
 
 use crate::error::Error;
 use crate::process::{self, cargo, output, root, target_dir};
@@ -29,7 +32,10 @@ const ALL_SCENES: [&str; 10] = [
 ];
 
 #[derive(Args)]
+#[command(args_conflicts_with_subcommands = true)]
 pub(crate) struct Arguments {
+    #[command(subcommand)]
+    alone: Option<Alone>,
     /// Scenes below the data folder; the three of the speed goals if none is given, `all` for every one.
     scenes: Vec<String>,
     /// Threads of both programs.
@@ -58,7 +64,21 @@ pub(crate) struct Arguments {
     json: Option<PathBuf>,
 }
 
+/// What needs no peer.
+#[derive(Subcommand)]
+enum Alone {
+    /// Bundle adjustment on a WebGPU adapter, from 30 000 to 5 000 000 observations, against a stream read.
+    Gpu(gpu::Arguments),
+    /// Reconstructs the same scenes on the GPU and on the CPU, and fails where their accuracy differs.
+    Backends(backends::Arguments),
+}
+
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Error> {
+    match &arguments.alone {
+        Some(Alone::Gpu(arguments)) => return gpu::run(arguments),
+        Some(Alone::Backends(arguments)) => return backends::run(arguments),
+        None => {}
+    }
     let data = arguments.data.clone().unwrap_or_else(|| root().join("../shared/data"));
     if !data.is_dir() {
         return Err(Error::Missing(format!(

@@ -28,6 +28,9 @@ pub(crate) enum Error {
     /// Something is missing that only a person can provide.
     #[error("{0}")]
     Missing(String),
+    /// Two things that should agree do not.
+    #[error("{0}")]
+    Apart(String),
     /// A file or folder could not be read or made.
     #[error("{}: {source}", path.display())]
     Io {

@@ -37,7 +37,7 @@ enum Command {
     Fixtures,
     /// Checks every WebGPU kernel with Naga and compiles each in headless Chromium.
     Shaders(shaders::Arguments),
-    /// Measures Epipole against pycolmap on the same inputs, in turn.
+    /// Measures Epipole against pycolmap on the same inputs, in turn; `bench gpu` and `bench backends` need no peer.
     Bench(bench::Arguments),
 }
 

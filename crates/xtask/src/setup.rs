@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use crate::error::Error;
 use crate::process::{self, output, run_within};
+use crate::shaders;
 
 /// The oldest compiler that builds the workspace (its edition 2024 code uses 1.95's library).
 const MIN_RUST: (u32, u32) = (1, 95);
@@ -15,11 +16,12 @@ const RUSTUP_LIMIT: Duration = Duration::from_secs(180);
 /// A step says what it found or did.
 type Step = fn() -> Result<String, Error>;
 
-const STEPS: [(&str, Step); 5] = [
+const STEPS: [(&str, Step); 6] = [
     ("Rust compiler", rust_compiler),
     ("rustfmt and clippy", rust_components),
     ("C compiler (for SQLite)", c_compiler),
     ("Vulkan on the processor (for the WebGPU tests)", software_vulkan),
+    ("Chromium (its compiler must take every shader, too)", chromium),
     ("crates", crates),
 ];
 
@@ -98,14 +100,28 @@ fn software_vulkan() -> Result<String, Error> {
         return Ok("present".into());
     }
     let advice = "on Debian `sudo apt-get install mesa-vulkan-drivers libvulkan1`";
-    let missing = format!("NOT PRESENT: the WebGPU tests leave themselves out; {advice}");
-    if output("id", &["-u"]).as_deref() != Some("0") || output("apt-get", &["--version"]).is_none() {
-        return Ok(missing);
+    Ok(optional(&["mesa-vulkan-drivers", "libvulkan1"], "the WebGPU tests leave themselves out", advice))
+}
+
+/// A second compiler for the shaders, stricter than Naga: 100 MB, a quarter of a minute to unpack. Nothing else needs it.
+fn chromium() -> Result<String, Error> {
+    if let Some(path) = shaders::usual_chromium() {
+        return Ok(path.display().to_string());
     }
-    let install = ["install", "-y", "--no-install-recommends", "mesa-vulkan-drivers", "libvulkan1"];
+    let advice = "on Debian `sudo apt-get install --no-install-recommends chromium`";
+    Ok(optional(&["chromium"], "`cargo xtask test` leaves Chromium's compiler out", advice))
+}
+
+/// Installs packages that the build can do without, and says what is missing where that fails.
+fn optional(packages: &[&str], without: &str, advice: &str) -> String {
+    let missing = format!("NOT PRESENT: {without}; {advice}");
+    if output("id", &["-u"]).as_deref() != Some("0") || output("apt-get", &["--version"]).is_none() {
+        return missing;
+    }
+    let install = [&["install", "-y", "--no-install-recommends"], packages].concat();
     match apt(&["update"], advice).and_then(|()| apt(&install, advice)) {
-        Ok(()) => Ok("installed".into()),
-        Err(_) => Ok(missing),
+        Ok(()) => "installed".into(),
+        Err(_) => missing,
     }
 }
 

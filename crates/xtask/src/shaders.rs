@@ -14,6 +14,7 @@ const PLAYWRIGHT: &str = "playwright-core@1";
 /// Chromium on SwiftShader compiles all kernels in seconds; beyond this it hangs.
 const BROWSER_LIMIT: Duration = Duration::from_secs(180);
 const NPM_LIMIT: Duration = Duration::from_secs(180);
+const PACKAGE: [&str; 5] = ["-p", "epipole-optimize", "--features", "gpu", "--locked"];
 const BROWSERS: [&str; 3] = ["/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"];
 
 #[derive(Args)]
@@ -27,31 +28,48 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Error> {
-    let package = ["-p", "epipole-optimize", "--features", "gpu", "--locked"];
-    let naga = [&["test"], &package[..], &["--lib", "gpu::tests::shaders"]].concat();
+    let naga = [&["test"], &PACKAGE[..], &["--lib", "gpu::tests::shaders"]].concat();
     process::run(&mut cargo(&naga), "mend the shader or its row in `gpu/kernels.rs`")?;
     if arguments.no_browser {
         println!("LEFT OUT: Chromium's compiler, as asked");
         return Ok(());
     }
+    compile_in_browser(arguments.chromium.as_ref())
+}
+
+fn compile_in_browser(chromium_asked: Option<&PathBuf>) -> Result<(), Error> {
     let folder = target_dir().join("shaders");
     // Left from kernels that no longer exist, files would be compiled again.
     if folder.exists() {
         std::fs::remove_dir_all(&folder).map_err(|source| Error::Io { path: folder.clone(), source })?;
     }
     std::fs::create_dir_all(&folder).map_err(|source| Error::Io { path: folder.clone(), source })?;
-    let mut compose = cargo(&[&["run"], &package[..], &["--example", "compose_shaders", "--"]].concat());
+    let mut compose = cargo(&[&["run"], &PACKAGE[..], &["--example", "compose_shaders", "--"]].concat());
     process::run(compose.arg(&folder), "")?;
-    let chromium = chromium(arguments)?;
+    let chromium = chromium(chromium_asked)?;
     let modules = playwright()?;
     let mut node = Command::new("node");
     node.arg(root().join("crates/xtask/js/compile_shaders.mjs")).arg(&folder).arg(chromium).current_dir(modules);
     run_within(&mut node, BROWSER_LIMIT, "mend the shader: Tint is stricter than Naga")
 }
 
-fn chromium(arguments: &Arguments) -> Result<PathBuf, Error> {
-    let usual = BROWSERS.iter().map(PathBuf::from).find(|path| path.exists());
-    arguments.chromium.clone().or(usual).ok_or_else(|| {
+/// As part of the tests: Naga has had its turn there, and a machine without Chromium or npm leaves the rest out, loudly.
+pub(crate) fn run_in_tests() -> Result<(), Error> {
+    let missing = match (usual_chromium(), output("npm", &["--version"])) {
+        (None, _) => "Chromium (`cargo xtask setup` installs it on Debian)",
+        (_, None) => "npm (on Debian `apt-get install npm`)",
+        (Some(_), Some(_)) => return compile_in_browser(None),
+    };
+    println!("LEFT OUT: no shader was compiled by Chromium's Tint, there is no {missing}");
+    Ok(())
+}
+
+pub(crate) fn usual_chromium() -> Option<PathBuf> {
+    BROWSERS.iter().map(PathBuf::from).find(|path| path.exists())
+}
+
+fn chromium(asked: Option<&PathBuf>) -> Result<PathBuf, Error> {
+    asked.cloned().or_else(usual_chromium).ok_or_else(|| {
         let advice = "install it (on Debian `apt-get install -y --no-install-recommends chromium`), name it with \
                       --chromium, or pass --no-browser";
         Error::Missing(format!("there is no Chromium; {advice}"))

@@ -5,17 +5,17 @@ use epipole_optimize::bundle::gpu::measure::{Operator, Steps};
 use epipole_optimize::gpu::Device;
 
 /// All of it.
-pub struct Report {
+pub(crate) struct Report {
     adapter: String,
     software: bool,
     timestamps: bool,
     /// Bytes a second of the kernel that only reads.
     stream_bytes_per_second: f64,
-    pub rows: Vec<Row>,
+    pub(crate) rows: Vec<Row>,
 }
 
 /// One problem.
-pub struct Row {
+pub(crate) struct Row {
     images: usize,
     points: usize,
     observations: usize,
@@ -39,12 +39,12 @@ pub struct Row {
 }
 
 impl Report {
-    pub fn new(device: &Device, timestamps: bool, stream_bytes_per_second: f64) -> Self {
+    pub(crate) fn new(device: &Device, timestamps: bool, stream_bytes_per_second: f64) -> Self {
         let (adapter, software) = (device.description().to_string(), device.is_software());
         Self { adapter, software, timestamps, stream_bytes_per_second, rows: Vec::new() }
     }
 
-    pub fn print_head(&self) {
+    pub(crate) fn print_head(&self) {
         println!("{}", self.adapter);
         let clock = if self.timestamps { "the device's timestamps" } else { "wall time over many repetitions" };
         println!("times by {clock}; a kernel that only reads: {:.1} GB/s", self.stream_bytes_per_second * 1e-9);
@@ -72,7 +72,7 @@ impl Report {
     }
 
     /// By hand: everything is a number but the adapter's name, and a crate for it would be built with every test.
-    pub fn json(&self) -> String {
+    pub(crate) fn json(&self) -> String {
         let rows: Vec<String> = self.rows.iter().map(Row::json).collect();
         format!(
             "{{\n  \"adapter\": {:?},\n  \"software\": {},\n  \"timestamps\": {},\n  \
@@ -87,7 +87,7 @@ impl Report {
 }
 
 impl Row {
-    pub fn new(problem: &Problem, operator: &Operator, steps: &Steps, stream: f64) -> Self {
+    pub(crate) fn new(problem: &Problem, operator: &Operator, steps: &Steps, stream: f64) -> Self {
         let (report, counters) = (&steps.report, &steps.counters);
         let observations = problem.observation_px.len();
         let seconds = operator.application.seconds;
@@ -117,7 +117,7 @@ impl Row {
         }
     }
 
-    pub fn print(&self) {
+    pub(crate) fn print(&self) {
         println!(
             "{:>9} {:>7} {:>9} | {:>9.3} {:>7.1} {:>6.2} {:>8.0} | {:>8.1} {:>8.0} | {:>8.0} {:>7.1} {:>6.1} | {:>6.1} {:>8.1}",
             self.observations,
