@@ -2,12 +2,11 @@
 // A file is called as its entry point, with the flags of its variant behind dashes.
 // Usage: node compile_shaders.mjs FOLDER CHROMIUM   (playwright-core must be resolvable from the working folder)
 
-import { createRequire } from 'node:module';
 import { readFileSync, readdirSync } from 'node:fs';
-import { createServer } from 'node:http';
 import { join } from 'node:path';
 
-const { chromium } = createRequire(join(process.cwd(), 'package.json'))('playwright-core');
+import { withPage } from './browser.mjs';
+
 const [folder, executablePath] = process.argv.slice(2);
 const shaders = readdirSync(folder)
   .filter((name) => name.endsWith('.wgsl'))
@@ -15,18 +14,7 @@ const shaders = readdirSync(folder)
   .map((name) => ({ name: name.replace('.wgsl', ''), code: readFileSync(join(folder, name), 'utf8') }));
 if (shaders.length === 0) throw new Error(`no shaders in ${folder}`);
 
-// WebGPU exists in secure contexts only; localhost is one.
-const server = createServer((_, response) => response.end('<!doctype html>')).listen(0, '127.0.0.1');
-const browser = await chromium.launch({
-  executablePath,
-  args: [
-    '--no-sandbox', '--enable-unsafe-webgpu', '--disable-quic', '--no-first-run', '--disable-background-networking',
-    '--disable-component-update', '--disable-sync',
-  ],
-});
-try {
-  const page = await browser.newPage();
-  await page.goto(`http://127.0.0.1:${server.address().port}/`);
+await withPage(executablePath, async (page, version) => {
   const failures = await page.evaluate(async (list) => {
     const adapter = await navigator.gpu?.requestAdapter();
     if (!adapter) return ['this Chromium has no WebGPU adapter'];
@@ -45,9 +33,6 @@ try {
     return found;
   }, shaders);
   for (const failure of failures) console.error(failure);
-  console.log(`${shaders.length} kernels compiled in Chromium ${browser.version()}, ${failures.length} errors`);
+  console.log(`${shaders.length} kernels compiled in Chromium ${version}, ${failures.length} errors`);
   process.exitCode = failures.length === 0 ? 0 : 1;
-} finally {
-  await browser.close();
-  server.close();
-}
+});

@@ -3,6 +3,7 @@
 mod bench;
 mod demo;
 mod error;
+mod experiments;
 mod fixtures;
 mod process;
 mod setup;
@@ -37,6 +38,8 @@ enum Command {
     Fixtures,
     /// Checks every WebGPU kernel with Naga and compiles each in headless Chromium.
     Shaders(shaders::Arguments),
+    /// Settles what can be settled about the GPU design on this machine: `docs/gpu-experiments.md`.
+    Experiments(experiments::Arguments),
     /// Measures Epipole against pycolmap on the same inputs, in turn; `bench gpu` and `bench backends` need no peer.
     Bench(bench::Arguments),
 }
@@ -50,6 +53,7 @@ fn main() -> ExitCode {
         Command::Damage(arguments) => fixtures::damage(&arguments),
         Command::Fixtures => fixtures::regenerate(),
         Command::Shaders(arguments) => shaders::run(&arguments),
+        Command::Experiments(arguments) => experiments::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
     };
     match result {

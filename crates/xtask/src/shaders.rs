@@ -68,7 +68,7 @@ pub(crate) fn usual_chromium() -> Option<PathBuf> {
     BROWSERS.iter().map(PathBuf::from).find(|path| path.exists())
 }
 
-fn chromium(asked: Option<&PathBuf>) -> Result<PathBuf, Error> {
+pub(crate) fn chromium(asked: Option<&PathBuf>) -> Result<PathBuf, Error> {
     asked.cloned().or_else(usual_chromium).ok_or_else(|| {
         let advice = "install it (on Debian `apt-get install -y --no-install-recommends chromium`), name it with \
                       --chromium, or pass --no-browser";
@@ -77,7 +77,7 @@ fn chromium(asked: Option<&PathBuf>) -> Result<PathBuf, Error> {
 }
 
 /// A folder from which node finds playwright-core, in the target folder: it is a tool, not a part of the project.
-fn playwright() -> Result<PathBuf, Error> {
+pub(crate) fn playwright() -> Result<PathBuf, Error> {
     let folder = target_dir().join("playwright");
     if !folder.join("node_modules/playwright-core").exists() {
         if output("npm", &["--version"]).is_none() {

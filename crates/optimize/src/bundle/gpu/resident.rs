@@ -156,6 +156,11 @@ impl Resident {
 
     /// Uploads the parameters, those of the chunks included.
     pub(super) fn write_params(&self, device: &Device) {
+        device.write(&self.buffers.params, &self.params_words());
+    }
+
+    /// What is uploaded.
+    fn params_words(&self) -> Vec<u32> {
         let mut words = Vec::with_capacity((1 + self.counts.len()) * (PARAMS_STRIDE / 4) as usize);
         let all =
             std::iter::once(self.params).chain(self.counts.iter().map(|&[points, observations, segments, rows]| {
@@ -165,7 +170,19 @@ impl Resident {
             words.extend(params.words());
             words.resize(words.len().next_multiple_of((PARAMS_STRIDE / 4) as usize), 0);
         }
-        device.write(&self.buffers.params, &words);
+        words
+    }
+
+    /// For traces: workgroups of a kernel on the first chunk or on the whole, its buffers, and the parameters' words.
+    #[cfg(test)]
+    pub(super) fn bound(&self, kernel: &Kernel) -> Option<(u64, Vec<wgpu::BufferBinding<'_>>, Vec<u32>)> {
+        let of_chunk = Extent::of(kernel).is_of_chunk();
+        let ready = if of_chunk { self.by_chunk.first()? } else { &self.whole };
+        let groups = ready.iter().find(|r| r.name == kernel.name)?.groups;
+        let place = ChunkPlace { first_row: 0, rows: u64::from(self.counts.first()?[3]), params_offset: PARAMS_STRIDE };
+        let bindings = self.buffers.of(kernel, of_chunk.then_some((self.chunks.first()?, place)));
+        let first = if of_chunk { PARAMS_STRIDE as usize / 4 } else { 0 };
+        Some((groups, bindings, self.params_words()[first..first + Params::WORDS].to_vec()))
     }
 
     /// Records a kernel over the whole problem.

@@ -2,6 +2,7 @@
 
 use super::num::Bounded;
 use super::state::State;
+use super::trace::Trace;
 use crate::bundle::gpu::GpuSystem;
 
 /// Of Σ|terms|, against the f32 twin and against f64.
@@ -14,7 +15,17 @@ pub(super) struct Bench<'a> {
 }
 
 impl Bench<'_> {
+    /// Runs a kernel, with a trace where they are wanted; the chunks of one problem do not differ.
     pub(super) fn run(&self, kernel: &'static str) {
+        let one = self.system.layout.chunks.len() == 1;
+        let trace = one.then(|| Trace::begin(&self.system, kernel, "")).flatten();
+        self.dispatch(kernel);
+        if let Some(trace) = trace {
+            trace.end(&self.system, None);
+        }
+    }
+
+    pub(super) fn dispatch(&self, kernel: &'static str) {
         let mut encoder = self.system.device().encoder();
         self.system.resident.record(&mut encoder, kernel).expect("fits");
         self.system.device().submit(encoder);

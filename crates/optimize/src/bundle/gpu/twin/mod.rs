@@ -3,6 +3,7 @@
 
 pub(crate) mod bench;
 mod cameras;
+mod check_increment;
 mod check_linear;
 mod check_step;
 pub(crate) mod num;
@@ -10,4 +11,5 @@ mod observation;
 mod points;
 mod state;
 mod test;
+mod trace;
 mod vectors;

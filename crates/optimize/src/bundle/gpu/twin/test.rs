@@ -1,7 +1,7 @@
 //! Every kernel of a step on a device against its twins, each from the device's own state before it.
 
 #[path = "../../../../tests/common/mod.rs"]
-mod common;
+pub(super) mod common;
 
 use epipole_geometry::camera::CameraModel;
 use glam::{DVec2, DVec3};
