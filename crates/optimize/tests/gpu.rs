@@ -66,8 +66,10 @@ fn reaches_the_known_optima_of_bal_and_loses_nothing_far_from_the_origin() {
             println!("{name}, shifted by {}: gap {gap:.1e}", shift.x);
             assert!(gap.abs() < 1e-5, "{name}: {gap}");
             for record in report.history.iter().filter(|r| !r.accepted) {
+                // Where all that is left to gain is a millionth no refusal can be spurious: no step that changes the cost
+                // by more than that would be a good one in f64 either.
                 let gap = record.cost / optimum - 1.0;
-                assert!(gap < 1e-5, "refused at a gap of {gap}: {record:?}");
+                assert!(gap < 1e-6, "refused at a gap of {gap}: {record:?}");
             }
         }
     }

@@ -15,7 +15,6 @@ struct Operator<'a> {
     gpu: &'a Gpu,
     module: raw::Module,
     street: Street,
-    points: wgpu::Buffer,
     sums: wgpu::Buffer,
     /// With Jacobians in the points' and in the images' order.
     groups: [wgpu::BindGroup; 2],
@@ -54,7 +53,7 @@ impl<'a> Operator<'a> {
             gpu.group(&module, &all)
         };
         let groups = [group(&stored()), group(&stored())];
-        Self { gpu, module, street, points, sums, groups }
+        Self { gpu, module, street, sums, groups }
     }
 
     fn extents(&self) -> [u32; 2] {
