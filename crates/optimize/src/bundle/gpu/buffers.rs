@@ -11,7 +11,7 @@ const SECTIONS: u64 = 10;
 /// Bytes of a row of eight sums.
 pub(super) const ROW_BYTES: u64 = 32;
 /// Bytes of a segment's sums in `block_sums.wgsl`, and of a span's in `precondition_group.wgsl`.
-const BLOCK_SUMS_BYTES: u64 = 4 * (14 * 15 / 2 + 14 + 21);
+pub(super) const BLOCK_SUMS_BYTES: u64 = 4 * (14 * 15 / 2 + 14 + 21);
 const GROUP_SUMS_BYTES: u64 = 4 * 8 * 8;
 /// Parts of a buffer are bound at multiples of this (WebGPU's `minStorageBufferOffsetAlignment` by default).
 const ALIGN_BYTES: u64 = 256;

@@ -16,7 +16,11 @@ pub(super) const OBSERVATION_BYTES: u64 = 16;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct ChunkLimits {
     pub(super) points: usize,
+    /// As many as are wanted, and as many as are possible.
     pub(super) observations: usize,
+    pub(super) most_observations: usize,
+    /// Of all chunks together: their sums lie in one buffer.
+    pub(super) segments: usize,
 }
 
 /// What is uploaded of a chunk. Indices of points and observations count from its start.
@@ -44,8 +48,21 @@ fn kept(problem: &Problem, point: usize) -> Range<usize> {
     if problem.fixed_points || end - start >= 2 { start..end } else { start..start }
 }
 
+/// All chunks. More chunks cut images into more segments; where those become too many, chunks grow as far as they can.
+pub(super) fn chunks(problem: &Problem, mut limits: ChunkLimits, lattice: &Lattice) -> Vec<Chunk> {
+    loop {
+        let runs = split(problem, limits).into_iter();
+        let chunks: Vec<_> = runs.map(|run| Chunk::new(problem, run, lattice)).collect();
+        let segments: usize = chunks.iter().map(|c| c.segments.len()).sum();
+        if segments <= limits.segments || limits.observations >= limits.most_observations {
+            return chunks;
+        }
+        limits.observations = limits.observations.saturating_mul(2).clamp(1, limits.most_observations);
+    }
+}
+
 /// Runs of points, as long as the limits allow.
-pub(super) fn split(problem: &Problem, limits: ChunkLimits) -> Vec<Range<usize>> {
+fn split(problem: &Problem, limits: ChunkLimits) -> Vec<Range<usize>> {
     let mut runs = Vec::new();
     let (mut first, mut observations) = (0, 0);
     for point in 0..problem.points.len() {
@@ -63,7 +80,7 @@ pub(super) fn split(problem: &Problem, limits: ChunkLimits) -> Vec<Range<usize>>
 }
 
 impl Chunk {
-    pub(super) fn new(problem: &Problem, run: Range<usize>, lattice: &Lattice) -> Self {
+    fn new(problem: &Problem, run: Range<usize>, lattice: &Lattice) -> Self {
         let mut chunk = Self {
             first_point: run.start,
             points: problem.points[run.clone()].iter().map(|&p| point(lattice, p)).collect(),
@@ -145,6 +162,10 @@ fn point(lattice: &Lattice, position: glam::DVec3) -> Point {
 mod tests {
     use super::*;
 
+    fn limits(points: usize, observations: usize) -> ChunkLimits {
+        ChunkLimits { points, observations, most_observations: 1 << 20, segments: 1 << 20 }
+    }
+
     #[test]
     fn runs_cover_all_points_within_the_limits_and_long_tracks_stand_alone() {
         let lengths = [3, 4, 1, 50, 2, 2, 0, 0, 0, 0, 5];
@@ -153,10 +174,30 @@ mod tests {
             problem.points.push(glam::DVec3::ZERO);
             problem.track_start.push(problem.track_start[problem.points.len() - 1] + length);
         }
-        let runs = split(&problem, ChunkLimits { points: 4, observations: 7 });
-        assert_eq!(runs, [0..3, 3..4, 4..8, 8..11]);
-        assert_eq!(split(&problem, ChunkLimits { points: 100, observations: 1000 }).len(), 1);
-        let empty = Problem { track_start: vec![0], ..Problem::default() };
-        assert!(split(&empty, ChunkLimits { points: 1, observations: 1 }).is_empty());
+        assert_eq!(split(&problem, limits(4, 7)), [0..3, 3..4, 4..8, 8..11]);
+        assert_eq!(split(&problem, limits(100, 1000)).len(), 1);
+        assert!(split(&Problem { track_start: vec![0], ..Problem::default() }, limits(1, 1)).is_empty());
+    }
+
+    #[test]
+    fn chunks_grow_where_their_segments_would_be_too_many() {
+        let mut problem = Problem { track_start: vec![0], ..Problem::default() };
+        problem.cam_from_world = vec![epipole_geometry::Rigid3::IDENTITY; 10];
+        for _ in 0..1000 {
+            problem.points.push(glam::DVec3::Z);
+            problem.observation_image.extend(0..10);
+            problem.observation_px.extend([glam::DVec2::ZERO; 10]);
+            problem.track_start.push(problem.observation_image.len() as u32);
+        }
+        let lattice = Lattice::new(&problem);
+        let shape = |limits| {
+            let found = chunks(&problem, limits, &lattice);
+            assert_eq!(found.iter().map(|c| c.by_point.len()).sum::<usize>(), 10_000);
+            (found.len(), found.iter().map(|c| c.segments.len()).sum::<usize>())
+        };
+        assert_eq!(shape(limits(1000, 100)), (100, 1000));
+        assert_eq!(shape(ChunkLimits { segments: 200, ..limits(1000, 100) }), (13, 130));
+        // As far as they can: the buffer's own limit then says what is wrong.
+        assert_eq!(shape(ChunkLimits { segments: 20, most_observations: 500, ..limits(1000, 100) }), (20, 200));
     }
 }

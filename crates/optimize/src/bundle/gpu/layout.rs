@@ -1,6 +1,6 @@
 //! A problem as the kernels' arrays: chunks of points, who belongs to whom, and the start state.
 
-use super::chunk::{Chunk, ChunkLimits, assign_slots, split};
+use super::chunk::{Chunk, ChunkLimits, assign_slots, chunks};
 use super::exact::{exact_cameras, spans};
 use super::lattice::Lattice;
 use super::priors::Priors;
@@ -36,8 +36,7 @@ pub(super) struct Layout {
 impl Layout {
     pub(super) fn new(problem: &Problem, limits: ChunkLimits) -> Result<Self, GpuError> {
         let lattice = Lattice::new(problem);
-        let runs = split(problem, limits).into_iter();
-        let mut chunks: Vec<_> = runs.map(|run| Chunk::new(problem, run, &lattice)).collect();
+        let mut chunks = chunks(problem, limits, &lattice);
         let topology = assign_slots(&mut chunks, problem.cam_from_world.len());
         let mut layout = Self {
             variant: Variant::default(),

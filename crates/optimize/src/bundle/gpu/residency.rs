@@ -1,5 +1,6 @@
 //! How a problem lies on a device.
 
+use super::buffers::BLOCK_SUMS_BYTES;
 use super::chunk::{ChunkLimits, OBSERVATION_BYTES, POINT_BYTES};
 use crate::gpu::Device;
 
@@ -21,6 +22,12 @@ impl Default for Residency {
 impl Residency {
     pub(super) fn limits(&self, device: &Device) -> ChunkLimits {
         let fits = |bytes: u64| usize::try_from(device.max_binding_bytes() / bytes).unwrap_or(usize::MAX);
-        ChunkLimits { points: fits(POINT_BYTES), observations: self.chunk_observations.min(fits(OBSERVATION_BYTES)) }
+        let most_observations = fits(OBSERVATION_BYTES);
+        ChunkLimits {
+            points: fits(POINT_BYTES),
+            observations: self.chunk_observations.min(most_observations),
+            most_observations,
+            segments: fits(BLOCK_SUMS_BYTES),
+        }
     }
 }

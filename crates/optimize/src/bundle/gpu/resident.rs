@@ -73,8 +73,9 @@ pub(super) struct Resident {
     pub(super) chunks: Vec<ChunkBuffers>,
     /// The whole's; a chunk's differ in its counts.
     pub(super) params: Params,
-    /// Points, observations, segments and rows of sums of each chunk.
-    counts: Vec<[u32; 4]>,
+    /// Points, observations and segments of each chunk, and where its sums go.
+    counts: Vec<[u32; 3]>,
+    places: Vec<ChunkPlace>,
     /// Rows of the second stage of the sums over points; those of the first are `params.point_groups`.
     pub(super) reduced: u64,
     /// Kernels of the whole, and those of each chunk.
@@ -104,10 +105,8 @@ impl Resident {
         let span = rows.div_ceil(HOST_ROWS).max(MIN_SPAN);
         let reduced = rows.div_ceil(span);
         let chunks = layout.chunks.iter().map(|c| ChunkBuffers::new(device, c)).collect::<Result<Vec<_>, _>>()?;
-        let counts_of = |(chunk, place): (&Chunk, &ChunkPlace)| {
-            [chunk.points.len() as u32, chunk.by_point.len() as u32, chunk.segments.len() as u32, place.rows as u32]
-        };
-        let counts: Vec<[u32; 4]> = layout.chunks.iter().zip(&places).map(counts_of).collect();
+        let counts_of = |c: &Chunk| [c.points.len(), c.by_point.len(), c.segments.len()].map(|n| n as u32);
+        let counts: Vec<[u32; 3]> = layout.chunks.iter().map(counts_of).collect();
         let total = |k: usize| counts.iter().map(|c| c[k]).sum::<u32>();
         params.points = total(0);
         params.observations = total(1);
@@ -124,7 +123,7 @@ impl Resident {
         let units = u64::from(params.images) + u64::from(params.cameras);
         let ready = |kernel: &Kernel, chunk: Option<usize>| {
             let of_chunk = chunk.map(|c| (&chunks[c], places[c]));
-            let [points, observations, segments, _]: [u64; 4] = chunk.map_or([0; 4], |c| counts[c].map(u64::from));
+            let [points, observations, segments]: [u64; 3] = chunk.map_or([0; 3], |c| counts[c].map(u64::from));
             let groups = match Extent::of(kernel) {
                 Extent::Points => points.div_ceil(POINT_GROUP),
                 Extent::Observations => observations.div_ceil(64),
@@ -149,7 +148,8 @@ impl Resident {
         }
         let of_chunk = |c| bundle().filter(|k| Extent::of(k).is_of_chunk()).map(|k| ready(k, Some(c))).collect();
         let by_chunk = (0..chunks.len()).map(of_chunk).collect::<Result<Vec<Vec<_>>, _>>()?;
-        let resident = Self { buffers, chunks, params, counts, reduced, whole, by_chunk, dispatches: Cell::new(0) };
+        let resident =
+            Self { buffers, chunks, params, counts, places, reduced, whole, by_chunk, dispatches: Cell::new(0) };
         resident.write_params(device);
         Ok(resident)
     }
@@ -162,10 +162,14 @@ impl Resident {
     /// What is uploaded.
     fn params_words(&self) -> Vec<u32> {
         let mut words = Vec::with_capacity((1 + self.counts.len()) * (PARAMS_STRIDE / 4) as usize);
-        let all =
-            std::iter::once(self.params).chain(self.counts.iter().map(|&[points, observations, segments, rows]| {
-                Params { points, observations, segments, point_groups: rows, ..self.params }
-            }));
+        let of_chunk = |(&[points, observations, segments], place): (&[u32; 3], &ChunkPlace)| Params {
+            points,
+            observations,
+            segments,
+            point_groups: place.rows as u32,
+            ..self.params
+        };
+        let all = std::iter::once(self.params).chain(self.counts.iter().zip(&self.places).map(of_chunk));
         for params in all {
             words.extend(params.words());
             words.resize(words.len().next_multiple_of((PARAMS_STRIDE / 4) as usize), 0);
@@ -179,8 +183,7 @@ impl Resident {
         let of_chunk = Extent::of(kernel).is_of_chunk();
         let ready = if of_chunk { self.by_chunk.first()? } else { &self.whole };
         let groups = ready.iter().find(|r| r.name == kernel.name)?.groups;
-        let place = ChunkPlace { first_row: 0, rows: u64::from(self.counts.first()?[3]), params_offset: PARAMS_STRIDE };
-        let bindings = self.buffers.of(kernel, of_chunk.then_some((self.chunks.first()?, place)));
+        let bindings = self.buffers.of(kernel, of_chunk.then_some((self.chunks.first()?, *self.places.first()?)));
         let first = if of_chunk { PARAMS_STRIDE as usize / 4 } else { 0 };
         Some((groups, bindings, self.params_words()[first..first + Params::WORDS].to_vec()))
     }
