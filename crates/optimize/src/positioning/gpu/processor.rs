@@ -90,6 +90,7 @@ impl<'a> Gpu<'a> {
         })
     }
 
+    #[cfg(test)]
     pub(super) fn device(&self) -> &'a Device {
         self.device
     }

@@ -96,7 +96,7 @@ fn kernels_agree_with_their_twins_where_cameras_and_points_have_little_left() {
     scene.problem.image_weight[4] = 0.5;
     // Rays that point backwards, one camera without any ray, points with one and with none.
     scene.problem.observation_ray.iter_mut().step_by(50).for_each(|ray| *ray = -*ray);
-    let few = |point: usize, camera: u32| camera == 3 || point == 5 || (point == 6 && camera % 7 != 0);
+    let few = |point: usize, camera: u32| camera == 3 || point == 5 || (point == 6 && !camera.is_multiple_of(7));
     check(&device, &scene, few, CHUNK_OBSERVATIONS);
     pin(&mut scene, 0.3, 0.1);
     doubt(&mut scene);
