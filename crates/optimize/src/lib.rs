@@ -7,6 +7,9 @@
 // Unit tests share the scenes of the integration tests, which name this crate from outside.
 #[cfg(test)]
 extern crate self as epipole_optimize;
+#[cfg(all(test, feature = "gpu"))]
+#[path = "../tests/common/mod.rs"]
+mod common_for_tests;
 
 pub mod active;
 pub mod bundle;

@@ -182,6 +182,9 @@ fn dispatch(gpu: &Gpu) {
     println!("  read-back alone {:.0} µs", 1e6 * gpu.time(20, || drop(gpu.read(&data, 256))).wall);
 }
 
+/// Name and program.
+type Experiment = (&'static str, fn(&Gpu));
+
 fn main() -> ExitCode {
     let gpu = match Gpu::open() {
         Ok(gpu) => gpu,
@@ -192,7 +195,7 @@ fn main() -> ExitCode {
     };
     println!("on {}", gpu.name);
     let asked = std::env::args().nth(1);
-    let experiments: [(&str, fn(&Gpu)); 3] = [("store", store), ("gather", gather), ("dispatch", dispatch)];
+    let experiments: [Experiment; 3] = [("store", store), ("gather", gather), ("dispatch", dispatch)];
     let start = Instant::now();
     for (name, experiment) in experiments {
         if asked.as_deref().is_none_or(|asked| asked == name) {

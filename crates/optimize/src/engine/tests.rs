@@ -1,12 +1,10 @@
 //! Where solves go when a device is lost, too weak or not worth it, and what the observer is told.
 
-#[path = "../../tests/common/mod.rs"]
-mod common;
-
 use std::rc::Rc;
 
 use super::{DeviceEngine, Engine, Notice, Policy};
 use crate::bundle::{self, Options, Problem};
+use crate::common_for_tests as common;
 use crate::executor::block_on;
 use crate::gpu::{Device, GpuError, Limits};
 use crate::lm::{IterationRecord, LmOptions, LmReport, Observer};

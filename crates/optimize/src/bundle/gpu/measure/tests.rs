@@ -1,13 +1,11 @@
 //! The small end of `cargo xtask bench gpu`, on whatever adapter there is.
 
-#[path = "../../../../tests/common/mod.rs"]
-mod common;
-
 use std::time::Instant;
 
 use pollster::block_on;
 
 use super::*;
+use crate::common_for_tests as common;
 use crate::gpu::tests::device;
 use crate::lm::LmOptions;
 

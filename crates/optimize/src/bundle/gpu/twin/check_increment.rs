@@ -5,11 +5,11 @@ use epipole_geometry::camera::project;
 use glam::{DMat3, DVec3};
 
 use super::bench::Bench;
-use super::test::common;
 use super::trace::Trace;
 use crate::bundle::gpu::GpuSystem;
 use crate::bundle::gpu::records::{Intrinsics, Point, View};
 use crate::bundle::{Options, Problem};
+use crate::common_for_tests as common;
 use crate::gpu::tests::device;
 
 /// A state as the kernels store it.

@@ -1,8 +1,5 @@
 //! Every kernel of a step on a device against its twins, each from the device's own state before it.
 
-#[path = "../../../../tests/common/mod.rs"]
-pub(super) mod common;
-
 use epipole_geometry::camera::CameraModel;
 use glam::{DVec2, DVec3};
 
@@ -11,6 +8,7 @@ use super::check_linear::{check_linearization, check_preconditioner};
 use super::check_step::{check_cameras, check_pcg, check_trial};
 use crate::bundle::gpu::{GpuSystem, Residency};
 use crate::bundle::{Options, ParamPrior, PoseFreedom, Problem};
+use crate::common_for_tests as common;
 use crate::gpu::Device;
 use crate::gpu::tests::device;
 use crate::loss::Loss;
