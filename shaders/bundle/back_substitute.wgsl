@@ -45,15 +45,10 @@ fn back_substitute(
                 let image = by_point[o].image & IMAGE_MASK;
                 let view = views[image];
                 let row = row_of(point, view, intrinsics[view.camera], params.cell, weight);
-                let i = 2u * image;
-                let c = 2u * (params.images + view.camera);
-                let x = CameraStep(
-                    vectors[scale_at + i] * vectors[x_at + i],
-                    vectors[scale_at + i + 1u] * vectors[x_at + i + 1u],
-                    vectors[scale_at + c] * vectors[x_at + c],
-                    vectors[scale_at + c + 1u] * vectors[x_at + c + 1u],
-                );
-                let v = camera_product(row, x);
+                let x = load_step(x_at, image, params.images + view.camera);
+                let scale = load_step(scale_at, image, params.images + view.camera);
+                let step = CameraStep(scale.a * x.a, scale.b * x.b, multiply_units(scale.params, x.params));
+                let v = camera_product(row, step);
                 gradient += row.px * v.x + row.py * v.y;
             }
         }

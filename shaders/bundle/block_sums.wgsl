@@ -1,8 +1,10 @@
 // Layout of the sums that precondition_camera keeps of each segment: the upper triangle of the camera unknowns' block by
 // rows (pose, then the camera's parameters), their right-hand side, and the pose's block before points are eliminated.
 
-const CAMERA = 8u;
-const SIDE = 6u + CAMERA;
+#import "common/unit.wgsl"
+
+const SIDE = 6u + PARAMS;
+const ENTRIES = SIDE * SIDE;
 const TRIANGLE = SIDE * (SIDE + 1u) / 2u;
 const POSE_TRIANGLE = 21u;
 const POSE_AT = TRIANGLE + SIDE;

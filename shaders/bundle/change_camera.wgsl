@@ -31,6 +31,6 @@ fn change_camera(
         let before = intrinsics[camera];
         let after = intrinsics[camera + params.cameras];
         intrinsics[camera + 2u * params.cameras] =
-            Intrinsics(after.linear - before.linear, after.distortion - before.distortion, before.kind);
+            Intrinsics(minus_units(after.params, before.params), before.kind);
     }
 }

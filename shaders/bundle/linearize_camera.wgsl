@@ -21,7 +21,7 @@ fn linearize_camera(
     let segment = segments[g];
     let view = views[segment.image];
     let k = intrinsics[view.camera];
-    var sum = CameraStep(vec4f(), vec4f(), vec4f(), vec4f());
+    var sum = no_step();
     for (var o = segment.start + lane; o < segment.end; o += 64u) {
         let weight = by_image[o].weight;
         if weight == 0.0 {
@@ -33,8 +33,8 @@ fn linearize_camera(
         let center = row.px * row.px + row.py * row.py;
         sum.a += vec4f(rx * rx + ry * ry, center.x);
         sum.b += vec4f(center.yz, 1.0, 0.0);
-        sum.linear += row.x_linear * row.x_linear + row.y_linear * row.y_linear;
-        sum.distortion += row.x_distortion * row.x_distortion + row.y_distortion * row.y_distortion;
+        let params = add_units(multiply_units(row.x_params, row.x_params), multiply_units(row.y_params, row.y_params));
+        sum.params = add_units(sum.params, params);
     }
     let total = reduce_step(lane, sum);
     if lane == 0u {

@@ -5,19 +5,17 @@
 @compute @workgroup_size(256)
 fn pcg_start(@builtin(local_invocation_index) lane: u32) {
     let units = params.images + params.cameras;
-    let zero = Unit(vec4f(), vec4f());
     for (var unit = lane; unit < units; unit += LANES) {
-        store(X, unit, zero);
+        store(X, unit, no_unit());
         store(RESIDUAL, unit, load(RHS, unit));
     }
     storageBarrier();
     var rz = 0.0;
     for (var unit = lane; unit < units; unit += LANES) {
         let z = precondition(unit);
-        let scale = load(SCALE, unit);
         store(DIRECTION, unit, z);
-        store(SCALED, unit, Unit(scale.a * z.a, scale.b * z.b));
-        rz += dot_unit(load(RESIDUAL, unit), z);
+        store(SCALED, unit, multiply_units(load(SCALE, unit), z));
+        rz += dot_units(load(RESIDUAL, unit), z);
     }
     let total = reduce_eight(lane, Eight(vec4f(rz, 0.0, 0.0, 0.0), vec4f()));
     if lane == 0u {

@@ -10,22 +10,26 @@ var<workgroup> is_done: u32;
 
 // One image's part of J_cᵀ v⊥ by its camera's parameters.
 fn camera_part(image: u32) -> Unit {
-    var sum = Unit(vec4f(), vec4f());
+    var sum = no_unit();
     for (var s = topology[image]; s < topology[image + 1u]; s += 1u) {
-        sum.a += partials[s].linear;
-        sum.b += partials[s].distortion;
+        sum = add_units(sum, partials[s].params);
     }
     return sum;
 }
 
+// The tree's eighth number is a maximum: four sums go at a time.
+fn reduce_four(lane: u32, value: vec4f) -> vec4f {
+    let total = reduce_eight(lane, Eight(value, vec4f()));
+    workgroupBarrier();
+    return total.a;
+}
+
 // Scales a sum, adds damping and priors, and keeps it. Returns their share of the direction's square.
 fn finish_product(unit: u32, sum: Unit) -> f32 {
-    let scale = load(SCALE, unit);
     let p = load(DIRECTION, unit);
-    let prior = load(PRIOR_DIAGONAL, unit);
-    let damped = Unit((params.lambda + prior.a) * p.a, (params.lambda + prior.b) * p.b);
-    store(PRODUCT, unit, Unit(scale.a * sum.a + damped.a, scale.b * sum.b + damped.b));
-    return dot_unit(p, damped);
+    let damped = add_units(scale_unit(params.lambda, p), multiply_units(load(PRIOR_DIAGONAL, unit), p));
+    store(PRODUCT, unit, add_units(multiply_units(load(SCALE, unit), sum), damped));
+    return dot_units(p, damped);
 }
 
 @compute @workgroup_size(256)
@@ -44,21 +48,20 @@ fn pcg_step(@builtin(local_invocation_index) lane: u32) {
         squares += sums[g].a.x;
     }
     for (var image = lane; image < params.images; image += LANES) {
-        var sum = Unit(vec4f(), vec4f());
+        var sum = short_unit(vec4f(), vec4f());
         for (var s = topology[image]; s < topology[image + 1u]; s += 1u) {
             sum.a += partials[s].a;
             sum.b += partials[s].b;
         }
         squares += sum.b.z;
-        direction_squares += finish_product(image, Unit(sum.a, vec4f(sum.b.xy, 0.0, 0.0)));
+        direction_squares += finish_product(image, short_unit(sum.a, vec4f(sum.b.xy, 0.0, 0.0)));
     }
     for (var camera = lane; camera < params.cameras; camera += LANES) {
         let at = cameras_at(params.images) + camera;
         if topology[at + 1u] - topology[at] <= FEW_IMAGES {
-            var sum = Unit(vec4f(), vec4f());
+            var sum = no_unit();
             for (var m = topology[at]; m < topology[at + 1u]; m += 1u) {
-                let part = camera_part(topology[members_at(params.images, params.cameras) + m]);
-                sum = Unit(sum.a + part.a, sum.b + part.b);
+                sum = add_units(sum, camera_part(topology[members_at(params.images, params.cameras) + m]));
             }
             direction_squares += finish_product(params.images + camera, sum);
         }
@@ -66,19 +69,19 @@ fn pcg_step(@builtin(local_invocation_index) lane: u32) {
     for (var big = 0u; big < params.big_cameras; big += 1u) {
         let camera = topology[big_at(params.images, params.cameras) + big];
         let at = cameras_at(params.images) + camera;
-        var sum = Eight(vec4f(), vec4f());
+        var sum = no_unit();
         for (var m = topology[at] + lane; m < topology[at + 1u]; m += LANES) {
-            let part = camera_part(topology[members_at(params.images, params.cameras) + m]);
-            sum = Eight(sum.a + part.a, sum.b + part.b);
+            sum = add_units(sum, camera_part(topology[members_at(params.images, params.cameras) + m]));
         }
-        // The tree's eighth number is a maximum: the last parameter's sum goes through a second tree.
-        let total = reduce_eight(lane, sum);
-        workgroupBarrier();
-        let last = reduce_eight(lane, Eight(vec4f(sum.b.w, 0.0, 0.0, 0.0), vec4f()));
-        workgroupBarrier();
+        var total = no_unit();
+        total.a = reduce_four(lane, sum.a);
+        total.b = reduce_four(lane, sum.b);
+#if wide
+        total.c = reduce_four(lane, sum.c);
+        total.d = reduce_four(lane, sum.d);
+#endif
         if lane == 0u {
-            let all = Unit(total.a, vec4f(total.b.xyz, last.a.x));
-            direction_squares += finish_product(params.images + camera, all);
+            direction_squares += finish_product(params.images + camera, total);
         }
     }
     storageBarrier();
@@ -89,12 +92,8 @@ fn pcg_step(@builtin(local_invocation_index) lane: u32) {
     let alive = curvature > 0.0 && is_finite(curvature);
     let alpha = select(0.0, state.z / curvature, alive);
     for (var unit = lane; unit < units; unit += LANES) {
-        let p = load(DIRECTION, unit);
-        let q = load(PRODUCT, unit);
-        let x = load(X, unit);
-        let r = load(RESIDUAL, unit);
-        store(X, unit, Unit(x.a + alpha * p.a, x.b + alpha * p.b));
-        store(RESIDUAL, unit, Unit(r.a - alpha * q.a, r.b - alpha * q.b));
+        store(X, unit, add_units(load(X, unit), scale_unit(alpha, load(DIRECTION, unit))));
+        store(RESIDUAL, unit, add_units(load(RESIDUAL, unit), scale_unit(-alpha, load(PRODUCT, unit))));
     }
     storageBarrier();
     var improved = 0.0;
@@ -105,22 +104,18 @@ fn pcg_step(@builtin(local_invocation_index) lane: u32) {
         let z = precondition(unit);
         let x = load(X, unit);
         let r = load(RESIDUAL, unit);
-        let b = load(RHS, unit);
         store(Z, unit, z);
-        improved += dot_unit(x, Unit(b.a + r.a, b.b + r.b));
-        rz += dot_unit(r, z);
-        length += dot_unit(x, x);
-        largest = max(largest, max_unit(x));
+        improved += dot_units(x, add_units(load(RHS, unit), r));
+        rz += dot_units(r, z);
+        length += dot_units(x, x);
+        largest = max(largest, largest_of(x));
     }
     let total = reduce_eight(lane, Eight(vec4f(improved, rz, length, 0.0), vec4f(0.0, 0.0, 0.0, largest)));
     let beta = total.a.y / state.z;
     for (var unit = lane; unit < units; unit += LANES) {
-        let z = load(Z, unit);
-        let p = load(DIRECTION, unit);
-        let scale = load(SCALE, unit);
-        let next = Unit(z.a + beta * p.a, z.b + beta * p.b);
+        let next = add_units(load(Z, unit), scale_unit(beta, load(DIRECTION, unit)));
         store(DIRECTION, unit, next);
-        store(SCALED, unit, Unit(scale.a * next.a, scale.b * next.b));
+        store(SCALED, unit, multiply_units(load(SCALE, unit), next));
     }
     storageBarrier();
     if lane == 0u {

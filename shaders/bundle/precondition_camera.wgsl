@@ -33,8 +33,12 @@ fn store_step(lane: u32, line: u32, step: CameraStep) {
     let at = lane * 2u * SIDE + line * SIDE;
     for (var k = 0u; k < 4u; k += 1u) {
         plain[at + k] = step.a[k];
-        plain[at + 6u + k] = step.linear[k];
-        plain[at + 10u + k] = step.distortion[k];
+        plain[at + 6u + k] = step.params.a[k];
+        plain[at + 10u + k] = step.params.b[k];
+#if wide
+        plain[at + 14u + k] = step.params.c[k];
+        plain[at + 18u + k] = step.params.d[k];
+#endif
     }
     plain[at + 4u] = step.b.x;
     plain[at + 5u] = step.b.y;
@@ -103,7 +107,7 @@ fn precondition_camera(
     }
     for (var batch = segment.start; batch < segment.end; batch += 64u) {
         let o = batch + lane;
-        var row = Row(vec3f(), vec3f(), vec3f(), vec4f(), vec4f(), vec4f(), vec4f());
+        var row: Row;
         var z = array<vec3f, 2>(vec3f(), vec3f());
         var e = vec2f();
         if o < segment.end && by_image[o].weight != 0.0 {

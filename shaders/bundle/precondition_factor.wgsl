@@ -8,7 +8,6 @@
 #import "bundle/vectors.wgsl"
 #import "bundle/block_sums.wgsl"
 
-const ENTRIES = SIDE * SIDE;
 // Pivots below this are rounding: the scaled diagonal is 1.
 const MIN_PIVOT = 1e-6;
 
@@ -24,12 +23,12 @@ var<workgroup> matrix: array<f32, ENTRIES>;
 var<workgroup> diagonal: array<f32, SIDE>;
 var<workgroup> failed: atomic<u32>;
 
-// Place of an unknown (0..14) of a block: vec4f and component in a section.
+// Place of an unknown (0..SIDE) of a block: vec4f and component in a section.
 fn place(unit_of_pose: u32, unit_of_camera: u32, k: u32) -> vec2u {
     if k < 6u {
-        return vec2u(2u * unit_of_pose + k / 4u, k % 4u);
+        return vec2u(UNIT_VEC4 * unit_of_pose + k / 4u, k % 4u);
     }
-    return vec2u(2u * unit_of_camera + (k - 6u) / 4u, (k - 6u) % 4u);
+    return vec2u(UNIT_VEC4 * unit_of_camera + (k - 6u) / 4u, (k - 6u) % 4u);
 }
 
 // The sum over the segments of an image, or of all images of a camera, image by image.
@@ -57,7 +56,7 @@ fn eliminated(camera: u32, i: u32, j: u32) -> f32 {
     for (var which = 0u; which < count; which += 1u) {
         if topology[at + 2u + which] == camera {
             for (var s = 0u; s < topology[at + 1u]; s += 1u) {
-                sum += group_sums[((s * count + which) * CAMERA + i) * CAMERA + j];
+                sum += group_sums[((s * count + which) * PARAMS + i) * PARAMS + j];
             }
         }
     }
@@ -79,7 +78,7 @@ fn precondition_factor(
     }
     let at = cameras_at(params.images) + camera;
     let owned = topology[at + 1u] - topology[at] == 1u;
-    // Unknowns begin..end of the 14 belong to this block.
+    // Unknowns begin..end belong to this block.
     let begin = select(0u, 6u, by_camera);
     let end = select(select(6u, SIDE, owned), SIDE, by_camera);
     var first = unit;
@@ -159,10 +158,10 @@ fn precondition_factor(
     }
     // The right-hand side, by the block that owns the unknowns; whole vectors, as neighbours must not share one.
     let quad = lane;
-    if quad < 4u && 4u * (quad & 1u) + 6u * (quad >> 1u) >= begin && (quad >> 1u) * 6u < end && !(by_camera && owned) {
+    let start = select(4u * quad - 2u, 4u * quad, quad < 2u);
+    if start >= begin && start < end && !(by_camera && owned) {
         var sum = vec4f();
         let length = select(4u, 2u, quad == 1u);
-        let start = 6u * (quad >> 1u) + 4u * (quad & 1u);
         for (var k = 0u; k < length; k += 1u) {
             sum[k] = gather(first, last, by_camera, TRIANGLE + start + k);
         }

@@ -8,7 +8,7 @@
 #import "bundle/topology.wgsl"
 #import "bundle/block_sums.wgsl"
 
-const PER_LANE = CAMERA * CAMERA / 64u;
+const PER_LANE = PARAMS * PARAMS / 64u;
 // As MAX_SPANS in resident.rs: keeps the sum over a chunk's spans short.
 const MAX_SPANS = 256u;
 
@@ -22,8 +22,8 @@ const MAX_SPANS = 256u;
 @group(0) @binding(7) var<storage, read> topology: array<u32>;
 @group(0) @binding(8) var<storage, read_write> group_sums: array<f32>;
 
-// R̃⁻ᵀ W of 64 points, 3 × CAMERA each.
-var<workgroup> factors: array<f32, 64u * 3u * CAMERA>;
+// R̃⁻ᵀ W of 64 points, 3 × PARAMS each.
+var<workgroup> factors: array<f32, 64u * 3u * PARAMS>;
 
 @compute @workgroup_size(64)
 fn precondition_group(
@@ -40,7 +40,7 @@ fn precondition_group(
     var sums: array<f32, PER_LANE>;
     for (var batch = 0u; batch < batches; batch += 1u) {
         let p = ((g / count) * batches + batch) * 64u + lane;
-        var columns: array<vec3f, CAMERA>;
+        var columns: array<vec3f, PARAMS>;
         if p < params.points && blocks[p].norms.w == 1.0 {
             let point = points[p];
             for (var o = tracks[p]; o < tracks[p + 1u]; o += 1u) {
@@ -51,27 +51,31 @@ fn precondition_group(
                 }
                 let row = row_of(point, view, intrinsics[camera], params.cell, weight);
                 for (var k = 0u; k < 4u; k += 1u) {
-                    columns[k] += row.px * row.x_linear[k] + row.py * row.y_linear[k];
-                    columns[4u + k] += row.px * row.x_distortion[k] + row.py * row.y_distortion[k];
+                    columns[k] += row.px * row.x_params.a[k] + row.py * row.y_params.a[k];
+                    columns[4u + k] += row.px * row.x_params.b[k] + row.py * row.y_params.b[k];
+#if wide
+                    columns[8u + k] += row.px * row.x_params.c[k] + row.py * row.y_params.c[k];
+                    columns[12u + k] += row.px * row.x_params.d[k] + row.py * row.y_params.d[k];
+#endif
                 }
             }
         }
-        for (var k = 0u; k < CAMERA; k += 1u) {
+        for (var k = 0u; k < PARAMS; k += 1u) {
             var factor = vec3f();
             if p < params.points {
                 factor = solve_row(blocks[p].damped_top.xyz, blocks[p].damped_bottom.xyz, columns[k]);
             }
             for (var c = 0u; c < 3u; c += 1u) {
-                factors[(lane * 3u + c) * CAMERA + k] = factor[c];
+                factors[(lane * 3u + c) * PARAMS + k] = factor[c];
             }
         }
         workgroupBarrier();
         for (var n = 0u; n < PER_LANE; n += 1u) {
-            let row = (lane + 64u * n) / CAMERA;
-            let column = (lane + 64u * n) % CAMERA;
+            let row = (lane + 64u * n) / PARAMS;
+            let column = (lane + 64u * n) % PARAMS;
             var sum = 0.0;
             for (var q = 0u; q < 192u; q += 1u) {
-                sum += factors[q * CAMERA + row] * factors[q * CAMERA + column];
+                sum += factors[q * PARAMS + row] * factors[q * PARAMS + column];
             }
             sums[n] += sum;
         }
@@ -79,7 +83,7 @@ fn precondition_group(
     }
     if g < spans * count {
         for (var n = 0u; n < PER_LANE; n += 1u) {
-            group_sums[g * CAMERA * CAMERA + lane + 64u * n] = sums[n];
+            group_sums[g * PARAMS * PARAMS + lane + 64u * n] = sums[n];
         }
     }
 }

@@ -16,19 +16,15 @@ fn prior_camera(@builtin(local_invocation_index) lane: u32) {
     var decrease = 0.0;
     var cost = 0.0;
     for (var camera = lane; camera < params.cameras; camera += LANES) {
-        let before = intrinsics[camera];
-        let after = intrinsics[camera + params.cameras];
-        let change = intrinsics[camera + 2u * params.cameras];
+        let before = intrinsics[camera].params;
+        let after = intrinsics[camera + params.cameras].params;
+        let change = intrinsics[camera + 2u * params.cameras].params;
         let prior = priors[camera];
-        let linear = after.linear - prior.mean_linear;
-        let distortion = after.distortion - prior.mean_distortion;
-        cost += 0.5 * (dot(prior.information_linear * linear, linear)
-            + dot(prior.information_distortion * distortion, distortion));
+        let off = minus_units(after, prior.mean);
+        cost += 0.5 * dot_units(multiply_units(prior.information, off), off);
         // (p − m)² − (p + δ − m)² = −δ (2 (p − m) + δ)
-        let from_linear = 2.0 * (before.linear - prior.mean_linear) + change.linear;
-        let from_distortion = 2.0 * (before.distortion - prior.mean_distortion) + change.distortion;
-        decrease -= 0.5 * (dot(prior.information_linear * change.linear, from_linear)
-            + dot(prior.information_distortion * change.distortion, from_distortion));
+        let both = add_units(scale_unit(2.0, minus_units(before, prior.mean)), change);
+        decrease -= 0.5 * dot_units(multiply_units(prior.information, change), both);
     }
     let total = reduce_eight(lane, Eight(vec4f(decrease, cost, 0.0, 0.0), vec4f()));
     if lane == 0u {

@@ -27,10 +27,9 @@ fn product_camera(
     let segment = segments[g];
     let view = views[segment.image];
     let k = intrinsics[view.camera];
-    let pose_at = section(SCALED, params.images + params.cameras) + 2u * segment.image;
-    let camera_at = section(SCALED, params.images + params.cameras) + 2u * (params.images + view.camera);
-    let x = CameraStep(vectors[pose_at], vectors[pose_at + 1u], vectors[camera_at], vectors[camera_at + 1u]);
-    var sum = CameraStep(vec4f(), vec4f(), vec4f(), vec4f());
+    let start = section(SCALED, params.images + params.cameras);
+    let x = load_step(start, segment.image, params.images + view.camera);
+    var sum = no_step();
     for (var o = segment.start + lane; o < segment.end; o += 64u) {
         let weight = by_image[o].weight;
         if weight == 0.0 {

@@ -44,11 +44,7 @@ fn product_point(
                 let image = by_point[o].image & IMAGE_MASK;
                 let view = views[image];
                 let row = row_of(point, view, intrinsics[view.camera], params.cell, weight);
-                let pose_at = start + 2u * image;
-                let camera_at = start + 2u * (params.images + view.camera);
-                let x =
-                    CameraStep(vectors[pose_at], vectors[pose_at + 1u], vectors[camera_at], vectors[camera_at + 1u]);
-                let v = camera_product(row, x);
+                let v = camera_product(row, load_step(start, image, params.images + view.camera));
                 gradient += row.px * v.x + row.py * v.y;
             }
         }

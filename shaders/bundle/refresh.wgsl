@@ -36,8 +36,9 @@ fn refresh(
             if (image & OUT) == 0u {
                 let view = views[image];
                 let q = rotate(view, ray_to(point, view, params.cell));
-                if has_projection(params.check_depth, q.z) {
-                    r = project_residual(intrinsics[view.camera], q, pixels[o]);
+                let k = intrinsics[view.camera];
+                if sees(k, q, params.check_depth) {
+                    r = project_residual(k, q, pixels[o]);
                     active_count += 1.0;
                 } else {
                     by_point[o].image = image | OUT;

@@ -9,11 +9,9 @@ struct Row {
     py: vec3f,
     // X − C in the world frame.
     ray: vec3f,
-    // By the eight camera parameters: two rows.
-    x_linear: vec4f,
-    x_distortion: vec4f,
-    y_linear: vec4f,
-    y_distortion: vec4f,
+    // By the camera parameters: two rows.
+    x_params: Unit,
+    y_params: Unit,
 }
 
 fn row_of(point: Point, view: View, intrinsics: Intrinsics, cell: f32, weight: f32) -> Row {
@@ -23,10 +21,8 @@ fn row_of(point: Point, view: View, intrinsics: Intrinsics, cell: f32, weight: f
     row.px = weight * (p.x_by_q.x * view.r0.xyz + p.x_by_q.y * view.r1.xyz + p.x_by_q.z * view.r2.xyz);
     row.py = weight * (p.y_by_q.x * view.r0.xyz + p.y_by_q.y * view.r1.xyz + p.y_by_q.z * view.r2.xyz);
     row.ray = ray;
-    row.x_linear = weight * p.x_by_linear;
-    row.x_distortion = weight * p.x_by_distortion;
-    row.y_linear = weight * p.y_by_linear;
-    row.y_distortion = weight * p.y_by_distortion;
+    row.x_params = scale_unit(weight, p.x_by_params);
+    row.y_params = scale_unit(weight, p.y_by_params);
     return row;
 }
 
@@ -34,16 +30,19 @@ fn row_of(point: Point, view: View, intrinsics: Intrinsics, cell: f32, weight: f
 struct CameraStep {
     a: vec4f,
     b: vec4f,
-    linear: vec4f,
-    distortion: vec4f,
+    params: Unit,
+}
+
+fn no_step() -> CameraStep {
+    return CameraStep(vec4f(), vec4f(), no_unit());
 }
 
 // J_c x.
 fn camera_product(row: Row, x: CameraStep) -> vec2f {
     let moved = cross(x.a.xyz, row.ray) - vec3f(x.a.w, x.b.xy);
     return vec2f(
-        dot(row.px, moved) + dot(row.x_linear, x.linear) + dot(row.x_distortion, x.distortion),
-        dot(row.py, moved) + dot(row.y_linear, x.linear) + dot(row.y_distortion, x.distortion),
+        dot(row.px, moved) + dot_units(row.x_params, x.params),
+        dot(row.py, moved) + dot_units(row.y_params, x.params),
     );
 }
 
@@ -54,7 +53,6 @@ fn camera_transposed(row: Row, e: vec2f) -> CameraStep {
     return CameraStep(
         vec4f(rotation, -g.x),
         vec4f(-g.yz, dot(e, e), 0.0),
-        row.x_linear * e.x + row.y_linear * e.y,
-        row.x_distortion * e.x + row.y_distortion * e.y,
+        add_units(scale_unit(e.x, row.x_params), scale_unit(e.y, row.y_params)),
     );
 }

@@ -12,14 +12,25 @@ const MIN_OBSERVATIONS = 6.0;
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> partials: array<CameraStep>;
 @group(0) @binding(2) var<storage, read> topology: array<u32>;
-// Two vec4f an image and a camera: 1 where the unknown may move.
-@group(0) @binding(3) var<storage, read> freedom: array<vec4f>;
+// 1 where the unknown may move.
+@group(0) @binding(3) var<storage, read> freedom: array<Unit>;
 @group(0) @binding(4) var<storage, read> intrinsics: array<Intrinsics>;
 @group(0) @binding(5) var<storage, read> priors: array<Prior>;
 @group(0) @binding(6) var<storage, read_write> vectors: array<vec4f>;
 
-fn inverse_root(d: vec4f) -> vec4f {
-    return select(vec4f(), inverseSqrt(max(d, vec4f(1e-30))), d > vec4f(1e-30));
+fn scale_of(free: vec4f, squares: vec4f, prior: vec4f, enough: bool) -> vec4f {
+    let kept = select(vec4f(), squares + prior, (prior > vec4f()) | vec4<bool>(enough));
+    return free * select(vec4f(), inverseSqrt(max(kept, vec4f(1e-30))), kept > vec4f(1e-30));
+}
+
+fn put(start: u32, unit: u32, value: Unit) {
+    let at = start + UNIT_VEC4 * unit;
+    vectors[at] = value.a;
+    vectors[at + 1u] = value.b;
+#if wide
+    vectors[at + 2u] = value.c;
+    vectors[at + 3u] = value.d;
+#endif
 }
 
 @compute @workgroup_size(64)
@@ -33,54 +44,46 @@ fn scale_camera(
     if unit >= units {
         return;
     }
-    var a = vec4f();
-    var b = vec4f();
-    var diagonal_a = vec4f();
-    var diagonal_b = vec4f();
-    var gradient_a = vec4f();
-    var gradient_b = vec4f();
+    var squares = no_unit();
+    var diagonal = no_unit();
+    var gradient = no_unit();
+    var enough = false;
     if unit < params.images {
+        var a = vec4f();
+        var b = vec4f();
         for (var s = topology[unit]; s < topology[unit + 1u]; s += 1u) {
             a += partials[s].a;
             b += partials[s].b;
         }
-        if b.z < MIN_OBSERVATIONS {
-            a = vec4f();
-            b = vec4f();
-        }
-        b = vec4f(b.xy, 0.0, 0.0);
+        squares = short_unit(a, vec4f(b.xy, 0.0, 0.0));
+        enough = b.z >= MIN_OBSERVATIONS;
     } else {
         let at = cameras_at(params.images) + unit - params.images;
         var count = 0.0;
         for (var m = topology[at]; m < topology[at + 1u]; m += 1u) {
             let image = topology[members_at(params.images, params.cameras) + m];
-            var image_a = vec4f();
-            var image_b = vec4f();
+            var sum = no_unit();
             for (var s = topology[image]; s < topology[image + 1u]; s += 1u) {
-                image_a += partials[s].linear;
-                image_b += partials[s].distortion;
+                sum = add_units(sum, partials[s].params);
                 count += partials[s].b.z;
             }
-            a += image_a;
-            b += image_b;
+            squares = add_units(squares, sum);
         }
         let camera = unit - params.images;
         let prior = priors[camera];
-        diagonal_a = prior.information_linear;
-        diagonal_b = prior.information_distortion;
-        gradient_a = diagonal_a * (intrinsics[camera].linear - prior.mean_linear);
-        gradient_b = diagonal_b * (intrinsics[camera].distortion - prior.mean_distortion);
-        let enough = count >= MIN_OBSERVATIONS;
-        a = select(vec4f(), a + diagonal_a, (diagonal_a > vec4f()) | vec4<bool>(enough));
-        b = select(vec4f(), b + diagonal_b, (diagonal_b > vec4f()) | vec4<bool>(enough));
+        diagonal = prior.information;
+        gradient = multiply_units(diagonal, minus_units(intrinsics[camera].params, prior.mean));
+        enough = count >= MIN_OBSERVATIONS;
     }
-    let scale_a = freedom[2u * unit] * inverse_root(a);
-    let scale_b = freedom[2u * unit + 1u] * inverse_root(b);
-    let place = 2u * unit;
-    vectors[section(SCALE, units) + place] = scale_a;
-    vectors[section(SCALE, units) + place + 1u] = scale_b;
-    vectors[section(PRIOR_DIAGONAL, units) + place] = scale_a * scale_a * diagonal_a;
-    vectors[section(PRIOR_DIAGONAL, units) + place + 1u] = scale_b * scale_b * diagonal_b;
-    vectors[section(PRIOR_GRADIENT, units) + place] = scale_a * gradient_a;
-    vectors[section(PRIOR_GRADIENT, units) + place + 1u] = scale_b * gradient_b;
+    let free = freedom[unit];
+    var scale = no_unit();
+    scale.a = scale_of(free.a, squares.a, diagonal.a, enough);
+    scale.b = scale_of(free.b, squares.b, diagonal.b, enough);
+#if wide
+    scale.c = scale_of(free.c, squares.c, diagonal.c, enough);
+    scale.d = scale_of(free.d, squares.d, diagonal.d, enough);
+#endif
+    put(section(SCALE, units), unit, scale);
+    put(section(PRIOR_DIAGONAL, units), unit, multiply_units(multiply_units(scale, scale), diagonal));
+    put(section(PRIOR_GRADIENT, units), unit, multiply_units(scale, gradient));
 }

@@ -5,7 +5,7 @@
 var<workgroup> tree_step: array<CameraStep, 64>;
 
 fn add_steps(x: CameraStep, y: CameraStep) -> CameraStep {
-    return CameraStep(x.a + y.a, x.b + y.b, x.linear + y.linear, x.distortion + y.distortion);
+    return CameraStep(x.a + y.a, x.b + y.b, add_units(x.params, y.params));
 }
 
 // Must be reached by all lanes.

@@ -35,18 +35,19 @@ fn step_camera(
     if unit >= units {
         return;
     }
-    let scale_at = section(SCALE, units) + 2u * unit;
-    let x_at = section(X, units) + 2u * unit;
-    let a = vectors[scale_at] * vectors[x_at];
-    let b = vectors[scale_at + 1u] * vectors[x_at + 1u];
+    let step = multiply_units(load_unit(section(SCALE, units), unit), load_unit(section(X, units), unit));
     if unit >= params.images {
         let camera = unit - params.images;
         var next = intrinsics[camera];
-        next.linear += select(a, vec4f(a.x, a.x, a.zw), next.kind.x == 1u);
-        next.distortion += b;
+        next.params = add_units(next.params, step);
+        if next.kind.x == 1u {
+            next.params.a.y += step.a.x;
+        }
         intrinsics[camera + params.cameras] = next;
         return;
     }
+    let a = step.a;
+    let b = step.b;
     var next = views[unit];
     if any(a.xyz != vec3f()) {
         // Rounding must not add up to rows that are no rotation.

@@ -41,7 +41,7 @@ fn trial(
                 let q = rotate(view, ray);
                 let moved = changes[p].xyz - vec3f(change.r0.w, change.r1.w, change.r2.w);
                 let dq = rotate(change, ray) + rotate(next, moved);
-                if has_projection(params.check_depth, q.z + dq.z) {
+                if sees(intrinsics[view.camera + params.cameras], q + dq, params.check_depth) {
                     let k = intrinsics[view.camera];
                     let dr = project_change(k, intrinsics[view.camera + 2u * params.cameras], q, dq);
                     after = r + dr;

@@ -1,6 +1,10 @@
 // What the bundle kernels share: records as crates/optimize/src/bundle/gpu/records.rs lays them out.
 
+#if wide
+#import "common/camera/models.wgsl"
+#else
 #import "common/perspective.wgsl"
+#endif
 
 struct Params {
     // Of the chunk where a kernel works on one, else of all.
@@ -39,10 +43,8 @@ struct View {
 
 // Gaussian beliefs about a camera's parameters: means, and inverse variances, 0 where there is none.
 struct Prior {
-    mean_linear: vec4f,
-    mean_distortion: vec4f,
-    information_linear: vec4f,
-    information_distortion: vec4f,
+    mean: Unit,
+    information: Unit,
 }
 
 struct Point {
@@ -91,6 +93,18 @@ const MIN_DEPTH = 1e-20;
 
 fn has_projection(check_depth: u32, z: f32) -> bool {
     return select(abs(z) > MIN_DEPTH, z > MIN_DEPTH, check_depth == 1u);
+}
+
+// Whether a camera has a pixel for a point in its frame.
+fn sees(k: Intrinsics, q: vec3f, check_depth: u32) -> bool {
+#if wide
+    if k.kind.y == EQUIRECTANGULAR {
+        return dot(q, q) >= TINY;
+    }
+    return has_projection(check_depth, q.z) && is_in_domain(k, q.xy / q.z);
+#else
+    return has_projection(check_depth, q.z);
+#endif
 }
 
 fn is_finite(x: f32) -> bool {

@@ -1,5 +1,7 @@
-// The vectors of the reduced system in one buffer: four vec4f of state, then sections of two vec4f an image (rotation,
-// centre, two unused) and two a camera (parameters).
+// The vectors of the reduced system in one buffer: four vec4f of state, then sections of one Unit an image (rotation,
+// centre) and one a camera (parameters). The kernel declares `vectors`.
+
+#import "bundle/row.wgsl"
 
 // state[0] = iterations, done, rᵀz, twice the model's decrease; state[1] = ‖x‖², largest |x|, what priors cost less at the
 // tried state, what they cost there.
@@ -18,5 +20,20 @@ const PRIOR_DIAGONAL = 8u;
 const PRIOR_GRADIENT = 9u;
 
 fn section(which: u32, units: u32) -> u32 {
-    return STATE + which * 2u * units;
+    return STATE + which * UNIT_VEC4 * units;
+}
+
+fn load_unit(start: u32, unit: u32) -> Unit {
+    let at = start + UNIT_VEC4 * unit;
+#if wide
+    return Unit(vectors[at], vectors[at + 1u], vectors[at + 2u], vectors[at + 3u]);
+#else
+    return Unit(vectors[at], vectors[at + 1u]);
+#endif
+}
+
+// An image and its camera in a section.
+fn load_step(start: u32, image: u32, camera: u32) -> CameraStep {
+    let at = start + UNIT_VEC4 * image;
+    return CameraStep(vectors[at], vectors[at + 1u], load_unit(start, camera));
 }

@@ -59,6 +59,14 @@ pub const PROBE: Kernel = Kernel {
     bindings: &[uniform("probe_params"), write("groups")],
 };
 
+/// Evaluates camera models ray by ray: shows that they are those of the CPU.
+pub const CAMERA_PROBE: Kernel = Kernel {
+    name: "camera_probe",
+    file: "common/camera_probe.wgsl",
+    workgroup_size: 64,
+    bindings: &[uniform("camera_probe_params"), read("intrinsics"), read("rays"), write("rows")],
+};
+
 /// Sums rows of eight values (the eighth: maximum) by spans, one span a workgroup.
 pub const REDUCE: Kernel = Kernel {
     name: "reduce",
@@ -77,16 +85,17 @@ pub const STREAM_READ: Kernel = Kernel {
 
 /// Every kernel: the device room's own, then those of the problems.
 pub const KERNELS: &[Kernel] = &{
-    let mut all = [PROBE; 2 + BUNDLE.len() + POSITIONING.len()];
+    let mut all = [PROBE; 3 + BUNDLE.len() + POSITIONING.len()];
     all[1] = STREAM_READ;
+    all[2] = CAMERA_PROBE;
     let mut i = 0;
     while i < BUNDLE.len() {
-        all[2 + i] = BUNDLE[i];
+        all[3 + i] = BUNDLE[i];
         i += 1;
     }
     let mut i = 0;
     while i < POSITIONING.len() {
-        all[2 + BUNDLE.len() + i] = POSITIONING[i];
+        all[3 + BUNDLE.len() + i] = POSITIONING[i];
         i += 1;
     }
     all

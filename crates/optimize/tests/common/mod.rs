@@ -70,6 +70,59 @@ pub fn camera(id: u32, model: CameraModel, params: Vec<f64>) -> Camera {
     Camera { id, model, width_px: 1000, height_px: 1000, params, has_prior_focal: false }
 }
 
+/// Every camera model with parameters of a plausible lens for 1000 × 1000 px.
+pub const LENSES: [(CameraModel, &[f64]); 18] = [
+    (CameraModel::SimplePinhole, &[900.0, 500.0, 500.0]),
+    (CameraModel::Pinhole, &[900.0, 880.0, 500.0, 500.0]),
+    (CameraModel::SimpleRadial, &[900.0, 500.0, 500.0, -0.12]),
+    (CameraModel::Radial, &[900.0, 500.0, 500.0, -0.12, 0.03]),
+    (CameraModel::OpenCv, &[900.0, 880.0, 500.0, 500.0, -0.12, 0.03, 0.002, -0.0015]),
+    (CameraModel::OpenCvFisheye, &[600.0, 590.0, 500.0, 500.0, -0.02, 0.01, -0.003, 0.0005]),
+    (CameraModel::FullOpenCv, &[900.0, 880.0, 500.0, 500.0, -0.12, 0.03, 0.002, -0.0015, 0.004, 0.02, -0.01, 0.003]),
+    (CameraModel::Fov, &[900.0, 880.0, 500.0, 500.0, 0.9]),
+    (CameraModel::SimpleRadialFisheye, &[600.0, 500.0, 500.0, -0.02]),
+    (CameraModel::RadialFisheye, &[600.0, 500.0, 500.0, -0.02, 0.01]),
+    (
+        CameraModel::ThinPrismFisheye,
+        &[600.0, 590.0, 500.0, 500.0, -0.02, 0.01, 0.002, -0.0015, -0.003, 0.0005, 0.0012, -0.0008],
+    ),
+    (
+        CameraModel::RadTanThinPrismFisheye,
+        &[
+            600.0, 590.0, 500.0, 500.0, -0.02, 0.01, -0.003, 0.0005, 0.0002, -0.0001, 0.002, -0.0015, 0.0012, -0.0008,
+            0.0006, 0.0004,
+        ],
+    ),
+    (CameraModel::SimpleDivision, &[900.0, 500.0, 500.0, -0.12]),
+    (CameraModel::Division, &[900.0, 880.0, 500.0, 500.0, 0.08]),
+    (CameraModel::SimpleFisheye, &[600.0, 500.0, 500.0]),
+    (CameraModel::Fisheye, &[600.0, 590.0, 500.0, 500.0]),
+    (CameraModel::Eucm, &[900.0, 880.0, 500.0, 500.0, 0.6, 1.1]),
+    (CameraModel::Equirectangular, &[4000.0, 2000.0]),
+];
+
+/// Gives a scene one camera of every model; image `i` has camera `i % 18`. Observations keep their noise. `refine` says
+/// of a model's parameter whether it may change.
+pub fn mix_models(problem: &mut Problem, refine: impl Fn(CameraModel, usize) -> bool) {
+    let before = problem.cameras.clone();
+    let image_camera: Vec<u32> = (0..problem.image_camera.len()).map(|i| (i % LENSES.len()) as u32).collect();
+    problem.cameras = (0u32..).zip(LENSES).map(|(c, (model, params))| camera(c, model, params.to_vec())).collect();
+    problem.refine_params =
+        LENSES.map(|(model, params)| std::array::from_fn(|k| k < params.len() && refine(model, k))).to_vec();
+    problem.param_priors = vec![Vec::new(); LENSES.len()];
+    for (p, track) in problem.track_start.windows(2).enumerate() {
+        for o in track[0] as usize..track[1] as usize {
+            let image = problem.observation_image[o] as usize;
+            let q = problem.cam_from_world[image].transform_point(problem.points[p]);
+            let camera = &before[problem.image_camera[image] as usize];
+            let noise = problem.observation_px[o] - camera.project(q).expect("in front of the ring");
+            let camera = &problem.cameras[image_camera[image] as usize];
+            problem.observation_px[o] = camera.project(q).expect("in front of the ring") + noise;
+        }
+    }
+    problem.image_camera = image_camera;
+}
+
 /// Shape of a synthetic scene.
 #[derive(Clone, Debug)]
 pub struct Scene {

@@ -5,14 +5,11 @@ use super::layout::Layout;
 use crate::gpu::kernels::Kernel;
 use crate::gpu::{Device, GpuError};
 
-/// vec4f of state and of a section's unit, as in `vectors.wgsl`.
+/// vec4f of state and number of sections, as in `vectors.wgsl`.
 const STATE_VEC4: u64 = 4;
 const SECTIONS: u64 = 10;
 /// Bytes of a row of eight sums.
 pub(super) const ROW_BYTES: u64 = 32;
-/// Bytes of a segment's sums in `block_sums.wgsl`, and of a span's in `precondition_group.wgsl`.
-pub(super) const BLOCK_SUMS_BYTES: u64 = 4 * (14 * 15 / 2 + 14 + 21);
-const GROUP_SUMS_BYTES: u64 = 4 * 8 * 8;
 /// Parts of a buffer are bound at multiples of this (WebGPU's `minStorageBufferOffsetAlignment` by default).
 const ALIGN_BYTES: u64 = 256;
 /// Rows of sums between the first rows of two chunks: a multiple of this.
@@ -65,6 +62,8 @@ pub(super) struct ChunkPlace {
     /// Among the sums of exact blocks.
     pub(super) first_slot: u64,
     pub(super) slots: u64,
+    /// A multiple of what offsets of bindings are aligned to, as are rows in steps of [`ROW_ALIGN`].
+    pub(super) slot_bytes: u64,
     pub(super) params_offset: u64,
 }
 
@@ -128,20 +127,22 @@ impl Buffers {
     ) -> Result<Self, GpuError> {
         let units = (layout.views.len() + layout.intrinsics.len()) as u64;
         let segments = layout.segments as u64;
+        let sizes = layout.sizes;
+        let words = |count: usize| 4 * count as u64;
         let sums = |name| device.zeroed(name, rows * ROW_BYTES);
         Ok(Self {
             params: device.uniforms("params", params_bytes)?,
             reduce_params: device.uniform("reduce params", &[rows as u32, span as u32, 0, 0])?,
             views: device.storage("views", &layout.views.repeat(3))?,
-            intrinsics: device.storage("intrinsics", &layout.intrinsics.repeat(3))?,
+            intrinsics: device.storage("intrinsics", &sizes.pack(&layout.intrinsics).repeat(3))?,
             topology: device.storage("topology", &layout.topology)?,
-            freedom: device.storage("freedom", &layout.freedom)?,
-            priors: device.storage("priors", &layout.priors.rows)?,
-            partials: device.zeroed("camera sums", segments * 64)?,
-            block_sums: device.zeroed("block sums", segments * BLOCK_SUMS_BYTES)?,
-            group_sums: device.zeroed("group sums", group_slots * GROUP_SUMS_BYTES)?,
-            inverses: device.zeroed("inverse blocks", units * 784)?,
-            vectors: device.zeroed("vectors", 16 * (STATE_VEC4 + SECTIONS * 2 * units))?,
+            freedom: device.storage("freedom", &sizes.pack_units(&layout.freedom))?,
+            priors: device.storage("priors", &sizes.pack_units(layout.priors.rows.as_flattened()))?,
+            partials: device.zeroed("camera sums", segments * words(sizes.step()))?,
+            block_sums: device.zeroed("block sums", segments * words(sizes.block_sums()))?,
+            group_sums: device.zeroed("group sums", group_slots * words(sizes.group_sums()))?,
+            inverses: device.zeroed("inverse blocks", units * words(sizes.side() * sizes.side()))?,
+            vectors: device.zeroed("vectors", 16 * STATE_VEC4 + SECTIONS * units * words(sizes.params))?,
             product_sums: sums("product sums")?,
             step_sums: sums("step sums")?,
             trial_sums: sums("trial sums")?,
@@ -197,7 +198,7 @@ impl Buffers {
             "params" => Some(part(&self.params, place.map_or(0, |p| p.params_offset), super::resident::PARAMS_BYTES)),
             "sums" => Some(place.map_or(whole(sums), |p| part(sums, p.first_row * ROW_BYTES, p.rows * ROW_BYTES))),
             "group_sums" => Some(place.map_or(whole(&self.group_sums), |p| {
-                part(&self.group_sums, p.first_slot * GROUP_SUMS_BYTES, p.slots * GROUP_SUMS_BYTES)
+                part(&self.group_sums, p.first_slot * p.slot_bytes, p.slots * p.slot_bytes)
             })),
             _ => {
                 let named = self.named();

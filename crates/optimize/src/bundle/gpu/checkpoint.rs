@@ -48,7 +48,7 @@ pub(super) struct Checkpoints {
 
 impl Checkpoints {
     pub(super) fn new(device: &Device, layout: &Layout) -> Result<Self, GpuError> {
-        let cameras = (size_of_val(&layout.views[..]) + size_of_val(&layout.intrinsics[..])) as u64;
+        let cameras = size_of_val(&layout.views[..]) as u64 + intrinsics_bytes(layout);
         let sizes = || layout.chunks.iter().map(|c| size_of_val(&c.points[..]) as u64);
         Ok(Self {
             cameras: device.read_back("camera checkpoint", cameras)?,
@@ -80,8 +80,7 @@ impl Checkpoints {
         let mut encoder = device.encoder();
         let views = size_of_val(&layout.views[..]) as u64;
         self.cameras.copy(&mut encoder, &resident.buffers.views, 0, 0, views);
-        let intrinsics = size_of_val(&layout.intrinsics[..]) as u64;
-        self.cameras.copy(&mut encoder, &resident.buffers.intrinsics, 0, views, intrinsics);
+        self.cameras.copy(&mut encoder, &resident.buffers.intrinsics, 0, views, intrinsics_bytes(layout));
         for ((staging, chunk), buffers) in self.points.iter().zip(&layout.chunks).zip(&resident.chunks) {
             staging.copy(&mut encoder, &buffers.points, 0, 0, size_of_val(&chunk.points[..]) as u64);
         }
@@ -99,7 +98,8 @@ impl Checkpoints {
         let Some((cameras, points)) = flight.split_first() else { return Ok(()) };
         let views = size_of_val(&layout.views[..]) as u64;
         let (views, intrinsics) = self.cameras.finish(cameras, |staging| {
-            Ok((staging.values(0, layout.views.len())?, staging.values(views, layout.intrinsics.len())?))
+            let words = staging.values(views, layout.intrinsics.len() * layout.sizes.intrinsics())?;
+            Ok((staging.values(0, layout.views.len())?, layout.sizes.unpack(&words)))
         })?;
         let one = |((staging, pending), chunk): ((&ReadBack, &Pending), &Chunk)| {
             staging.finish(pending, |staging| staging.values(0, chunk.points.len()))
@@ -113,4 +113,8 @@ impl Checkpoints {
     pub(super) fn last(&self) -> Option<&(Checkpoint, Snapshot)> {
         self.last.as_ref()
     }
+}
+
+fn intrinsics_bytes(layout: &Layout) -> u64 {
+    (layout.intrinsics.len() * layout.sizes.intrinsics() * size_of::<u32>()) as u64
 }

@@ -1,10 +1,13 @@
 //! A problem as the kernels' arrays: chunks of points, who belongs to whom, and the start state.
 
+use epipole_geometry::camera::MAX_PARAMS;
+
 use super::chunk::{Chunk, ChunkLimits, assign_slots, chunks};
 use super::exact::{exact_cameras, spans};
 use super::lattice::Lattice;
 use super::priors::Priors;
-use super::records::{CAMERA_UNKNOWNS, EXACT_WORD, Intrinsics, OUT, View, intrinsics, param_slots};
+use super::records::{EXACT_WORD, Intrinsics, OUT, View, intrinsics, param_slot};
+use super::sizes::{Sizes, variant};
 use crate::bundle::problem::{PoseFreedom, Problem};
 use crate::gpu::{GpuError, Variant};
 
@@ -16,6 +19,7 @@ pub(super) const FEW_IMAGES: usize = 32;
 pub(super) struct Layout {
     /// In which variant the kernels run.
     pub(super) variant: Variant,
+    pub(super) sizes: Sizes,
     pub(super) lattice: Lattice,
     pub(super) chunks: Vec<Chunk>,
     /// Segments of all chunks.
@@ -25,8 +29,8 @@ pub(super) struct Layout {
     pub(super) big_cameras: usize,
     /// Cameras with an exact block in the preconditioner.
     pub(super) exact_cameras: usize,
-    /// Two vec4 an image and a camera: 1 where an unknown may move.
-    pub(super) freedom: Vec<[f32; 8]>,
+    /// By image, then by camera: 1 where an unknown may move.
+    pub(super) freedom: Vec<[f32; MAX_PARAMS]>,
     pub(super) priors: Priors,
     /// Accepted state; the kernels' buffers hold it three times.
     pub(super) views: Vec<View>,
@@ -35,20 +39,22 @@ pub(super) struct Layout {
 
 impl Layout {
     pub(super) fn new(problem: &Problem, limits: ChunkLimits) -> Result<Self, GpuError> {
+        let variant = variant(problem);
         let lattice = Lattice::new(problem);
         let mut chunks = chunks(problem, limits, &lattice);
         let topology = assign_slots(&mut chunks, problem.cam_from_world.len());
         let mut layout = Self {
-            variant: Variant::default(),
+            variant,
+            sizes: Sizes::of(variant),
             segments: chunks.iter().map(|c| c.segments.len()).sum(),
             chunks,
             topology,
             big_cameras: 0,
             exact_cameras: 0,
-            freedom: freedom(problem)?,
-            priors: Priors::new(problem)?,
+            freedom: freedom(problem),
+            priors: Priors::new(problem),
             views: views(problem, &lattice),
-            intrinsics: problem.cameras.iter().map(|c| intrinsics(c.model, &c.params)).collect::<Result<_, _>>()?,
+            intrinsics: problem.cameras.iter().map(|c| intrinsics(c.model, &c.params)).collect(),
             lattice,
         };
         layout.add_members(problem);
@@ -106,7 +112,7 @@ fn views(problem: &Problem, lattice: &Lattice) -> Vec<View> {
     problem.cam_from_world.iter().zip(&problem.image_camera).map(view).collect()
 }
 
-fn freedom(problem: &Problem) -> Result<Vec<[f32; 8]>, GpuError> {
+fn freedom(problem: &Problem) -> Vec<[f32; MAX_PARAMS]> {
     let mut out = Vec::with_capacity(problem.cam_from_world.len() + problem.cameras.len());
     for freedom in &problem.pose_freedom {
         let (rotation, center) = match freedom {
@@ -114,14 +120,17 @@ fn freedom(problem: &Problem) -> Result<Vec<[f32; 8]>, GpuError> {
             PoseFreedom::RotationFixed => (0.0, 1.0),
             PoseFreedom::Fixed => (0.0, 0.0),
         };
-        out.push([rotation, rotation, rotation, center, center, center, 0.0, 0.0]);
+        let mut row = [0.0; MAX_PARAMS];
+        row[..3].fill(rotation);
+        row[3..6].fill(center);
+        out.push(row);
     }
     for (camera, refine) in problem.cameras.iter().zip(&problem.refine_params) {
-        let mut row = [0.0; CAMERA_UNKNOWNS];
-        for (&slot, &free) in param_slots(camera.model)?.iter().zip(refine) {
-            row[slot] = if free { 1.0 } else { 0.0 };
+        let mut row = [0.0; MAX_PARAMS];
+        for (param, &free) in refine.iter().enumerate().take(camera.model.num_params()) {
+            row[param_slot(camera.model, param)] = if free { 1.0 } else { 0.0 };
         }
         out.push(row);
     }
-    Ok(out)
+    out
 }

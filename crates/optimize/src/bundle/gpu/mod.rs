@@ -2,7 +2,7 @@
 //!
 //! Jacobians are computed where they are needed and never stored; points are eliminated inside the operator; the
 //! reduced system is solved by PCG with Schur–Jacobi blocks. Only scalars are read back inside a solve, once a step.
-//! Pinhole and radial models and OPENCV; [`Activation::Truncated`](crate::active::Activation) is left to the CPU: each is
+//! Every camera model, also several in one problem; [`Activation::Truncated`](crate::active::Activation) is left to the CPU:
 //! an error, not a silent fallback.
 
 mod buffers;
@@ -17,6 +17,7 @@ mod priors;
 mod records;
 mod residency;
 mod resident;
+mod sizes;
 mod system;
 #[cfg(test)]
 pub(crate) mod twin;

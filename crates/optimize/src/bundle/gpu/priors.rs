@@ -1,14 +1,15 @@
 //! Priors on camera parameters as the kernels' records.
 
-use super::records::{CAMERA_UNKNOWNS, param_slots};
+use epipole_geometry::camera::MAX_PARAMS;
+
+use super::records::param_slot;
 use crate::bundle::problem::{ParamPrior, Problem};
-use crate::gpu::GpuError;
 
 /// Priors on the parameters that may move, all of one parameter taken together.
 #[derive(Debug)]
 pub(super) struct Priors {
-    /// `Prior` in `types.wgsl`: means of the eight parameters, then their inverse variances.
-    pub(super) rows: Vec<[f32; 2 * CAMERA_UNKNOWNS]>,
+    /// `Prior` in `types.wgsl`: means of a camera's parameters, then their inverse variances.
+    pub(super) rows: Vec<[[f32; MAX_PARAMS]; 2]>,
     /// Whether there is any.
     pub(super) any: bool,
     /// What several priors on one parameter cost by disagreeing, whatever its value.
@@ -16,25 +17,26 @@ pub(super) struct Priors {
 }
 
 impl Priors {
-    pub(super) fn new(problem: &Problem) -> Result<Self, GpuError> {
+    pub(super) fn new(problem: &Problem) -> Self {
         let of_camera = of_cameras(problem);
         let mut priors = Self { rows: Vec::with_capacity(problem.cameras.len()), any: false, constant: 0.0 };
         for (c, camera) in problem.cameras.iter().enumerate() {
-            let mut row = [0.0; 2 * CAMERA_UNKNOWNS];
-            for (index, &slot) in param_slots(camera.model)?.iter().enumerate() {
+            let mut row = [[0.0; MAX_PARAMS]; 2];
+            for index in 0..camera.model.num_params() {
                 let of_param = || of_camera[c].iter().filter(|p| p.index == index);
                 let information: f64 = of_param().map(|p| p.sigma.powi(-2)).sum();
                 if information > 0.0 {
                     let mean = of_param().map(|p| p.mean * p.sigma.powi(-2)).sum::<f64>() / information;
                     priors.constant += of_param().map(|p| 0.5 * ((p.mean - mean) / p.sigma).powi(2)).sum::<f64>();
                     priors.any = true;
-                    row[slot] = mean as f32;
-                    row[CAMERA_UNKNOWNS + slot] = information as f32;
+                    let slot = param_slot(camera.model, index);
+                    row[0][slot] = mean as f32;
+                    row[1][slot] = information as f32;
                 }
             }
             priors.rows.push(row);
         }
-        Ok(priors)
+        priors
     }
 }
 

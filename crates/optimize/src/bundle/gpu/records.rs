@@ -1,23 +1,21 @@
 //! How plain data becomes the kernels' records: words, laid out as `shaders/bundle/types.wgsl` declares them.
 
-use epipole_geometry::camera::CameraModel;
+use epipole_geometry::camera::{CameraModel, MAX_PARAMS};
 
-use crate::gpu::GpuError;
 use crate::loss::Loss;
 
 /// `View`: three rows of rotation and centre offset, the centre's cell, the camera.
 pub(super) type View = [u32; 16];
-/// `Intrinsics`: fx, fy, cx, cy, k1, k2, p1, p2, then whether one focal length serves both axes.
-pub(super) type Intrinsics = [u32; 12];
+/// `Intrinsics` of the widest variant: parameters, whether one focal length serves both axes, COLMAP's model id, one
+/// unused, [`EXACT_WORD`]. [`Sizes`](super::sizes::Sizes) makes it shorter.
+pub(super) type Intrinsics = [u32; MAX_PARAMS + 4];
 /// The word of [`Intrinsics`] that says whether the preconditioner has an exact block for the camera.
-pub(super) const EXACT_WORD: usize = 11;
+pub(super) const EXACT_WORD: usize = MAX_PARAMS + 3;
 /// `Point`: offset, packed cell, four words of work space.
 pub(super) type Point = [u32; 8];
 
 /// Set in an observation's image where it does not count.
 pub(super) const OUT: u32 = 1 << 31;
-/// Unknowns of a camera: the eight parameters of the widest model that the kernels know.
-pub(super) const CAMERA_UNKNOWNS: usize = 8;
 
 /// The uniform `Params` of every kernel.
 #[derive(Clone, Copy, Debug, Default)]
@@ -73,27 +71,22 @@ pub(super) fn loss_words(loss: Loss) -> (u32, f32) {
     }
 }
 
-/// For each parameter of a model, its place among the eight of `shaders/common/perspective.wgsl`.
-pub(super) fn param_slots(model: CameraModel) -> Result<&'static [usize], GpuError> {
-    match model {
-        CameraModel::SimplePinhole => Ok(&[0, 2, 3]),
-        CameraModel::Pinhole => Ok(&[0, 1, 2, 3]),
-        CameraModel::SimpleRadial => Ok(&[0, 2, 3, 4]),
-        CameraModel::Radial => Ok(&[0, 2, 3, 4, 5]),
-        CameraModel::OpenCv => Ok(&[0, 1, 2, 3, 4, 5, 6, 7]),
-        _ => Err(GpuError::Unsupported { what: "a camera model other than pinhole, radial and OPENCV" }),
-    }
+/// The place of a model's parameter in a camera's record: fx, fy, cx, cy, then the distortion, in COLMAP's order. One
+/// focal length takes the first place; its record repeats it in the second.
+pub(super) fn param_slot(model: CameraModel, param: usize) -> usize {
+    if param > 0 && model.focal_params().len() == 1 { param + 1 } else { param }
 }
 
-/// The eight parameters of a camera; one focal length is written to both axes.
-pub(super) fn intrinsics(model: CameraModel, params: &[f64]) -> Result<Intrinsics, GpuError> {
-    let mut out = [0u32; 12];
-    for (&slot, &value) in param_slots(model)?.iter().zip(params) {
-        out[slot] = (value as f32).to_bits();
+/// A camera's record.
+pub(super) fn intrinsics(model: CameraModel, params: &[f64]) -> Intrinsics {
+    let mut out = Intrinsics::default();
+    for (param, &value) in params.iter().enumerate() {
+        out[param_slot(model, param)] = (value as f32).to_bits();
     }
     if model.focal_params().len() == 1 {
         out[1] = out[0];
-        out[8] = 1;
+        out[MAX_PARAMS] = 1;
     }
-    Ok(out)
+    out[MAX_PARAMS + 1] = model.id().unsigned_abs();
+    out
 }

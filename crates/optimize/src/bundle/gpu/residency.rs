@@ -1,7 +1,7 @@
 //! How a problem lies on a device.
 
-use super::buffers::BLOCK_SUMS_BYTES;
 use super::chunk::{ChunkLimits, OBSERVATION_BYTES, POINT_BYTES};
+use super::sizes::Sizes;
 use crate::gpu::Device;
 
 /// Choices that change speed and memory, and results by rounding only.
@@ -20,14 +20,14 @@ impl Default for Residency {
 }
 
 impl Residency {
-    pub(super) fn limits(&self, device: &Device) -> ChunkLimits {
+    pub(super) fn limits(&self, device: &Device, sizes: Sizes) -> ChunkLimits {
         let fits = |bytes: u64| usize::try_from(device.max_binding_bytes() / bytes).unwrap_or(usize::MAX);
         let most_observations = fits(OBSERVATION_BYTES);
         ChunkLimits {
             points: fits(POINT_BYTES),
             observations: self.chunk_observations.min(most_observations),
             most_observations,
-            segments: fits(BLOCK_SUMS_BYTES),
+            segments: fits(4 * sizes.block_sums() as u64),
         }
     }
 }

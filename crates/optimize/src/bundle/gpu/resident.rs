@@ -97,6 +97,7 @@ impl Resident {
                 rows: own,
                 first_slot: slots,
                 slots: own_slots,
+                slot_bytes: 4 * layout.sizes.group_sums() as u64,
                 params_offset: k * PARAMS_STRIDE,
             });
             slots += own_slots;

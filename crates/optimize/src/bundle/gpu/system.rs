@@ -10,6 +10,7 @@ use super::priors::prior_cost;
 use super::records::{Params, loss_words};
 use super::residency::Residency;
 use super::resident::Resident;
+use super::sizes::{Sizes, variant};
 use crate::active::Activation;
 use crate::bundle::depth::Depth;
 use crate::bundle::options::Options;
@@ -89,7 +90,7 @@ impl<'a> GpuSystem<'a> {
         if problem.depth.as_ref().is_some_and(Depth::is_any) {
             return Err(GpuError::Unsupported { what: "metric depth" }.into());
         }
-        let layout = Layout::new(problem, residency.limits(device))?;
+        let layout = Layout::new(problem, residency.limits(device, Sizes::of(variant(problem))))?;
         let pcg = options.pcg;
         let params = Params {
             loss: loss_words(problem.loss),

@@ -1,13 +1,13 @@
 //! From the device back into the problem.
 
 use epipole_geometry::Rigid3;
-use epipole_geometry::camera::project;
+use epipole_geometry::camera::{CameraModel, project};
 use glam::{DMat3, DQuat, DVec3};
 
 use super::checkpoint::{Checkpoint, Snapshot};
 use super::chunk::Chunk;
 use super::priors::prior_cost;
-use super::records::{Intrinsics, OUT, Point, View, param_slots};
+use super::records::{Intrinsics, OUT, Point, View, param_slot};
 use super::system::GpuSystem;
 use crate::bundle::problem::{PoseFreedom, Problem};
 use crate::gpu::GpuError;
@@ -35,13 +35,14 @@ impl GpuSystem<'_> {
 
     async fn download_state(&self) -> Result<Snapshot, GpuError> {
         let (device, buffers, layout) = (self.device(), &self.resident.buffers, &self.layout);
+        let (sizes, cameras) = (layout.sizes, layout.intrinsics.len());
         let mut points = Vec::with_capacity(layout.chunks.len());
         for (chunk, buffers) in layout.chunks.iter().zip(&self.resident.chunks) {
             points.push(device.download(&buffers.points, chunk.points.len()).await?);
         }
         Ok(Snapshot {
             views: device.download(&buffers.views, layout.views.len()).await?,
-            intrinsics: device.download(&buffers.intrinsics, layout.intrinsics.len()).await?,
+            intrinsics: sizes.unpack(&device.download(&buffers.intrinsics, cameras * sizes.intrinsics()).await?),
             points,
         })
     }
@@ -75,7 +76,8 @@ impl GpuSystem<'_> {
     fn square(&self, problem: &Problem, point: usize, image: usize, px: [f32; 2]) -> Option<f64> {
         let camera = &problem.cameras[problem.image_camera[image] as usize];
         let q = problem.cam_from_world[image].transform_point(problem.points[point]);
-        let q = if q.z < 0.0 && !self.resident.params.check_depth { -q } else { q };
+        let both_sides = !self.resident.params.check_depth && camera.model != CameraModel::Equirectangular;
+        let q = if q.z < 0.0 && both_sides { -q } else { q };
         let [x, y] = project(camera.model, &camera.params, q.to_array())?;
         let px = px.map(f64::from);
         Some((x - px[0]).powi(2) + (y - px[1]).powi(2))
@@ -103,10 +105,9 @@ impl GpuSystem<'_> {
             }
         }
         for ((camera, values), refine) in problem.cameras.iter_mut().zip(intrinsics).zip(&problem.refine_params) {
-            let slots = param_slots(camera.model).unwrap_or_default();
-            for ((param, &slot), &free) in camera.params.iter_mut().zip(slots).zip(refine) {
+            for (k, (param, &free)) in camera.params.iter_mut().zip(refine).enumerate() {
                 if free {
-                    *param = f64::from(real(values[slot]));
+                    *param = f64::from(real(values[param_slot(camera.model, k)]));
                 }
             }
         }

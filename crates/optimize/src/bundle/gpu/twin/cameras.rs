@@ -2,18 +2,15 @@
 
 use std::ops::Range;
 
+use epipole_geometry::camera::MAX_PARAMS;
+
 use super::num::{Num, add, cross, dot, sub, tree, zero};
 use super::points::{solve_normal, solve_row};
-use super::state::State;
-
-/// Unknowns of an image with its camera, and sums of a segment in the preconditioner.
-const SIDE: usize = 14;
-const TRIANGLE: usize = SIDE * (SIDE + 1) / 2;
-pub(super) const SUMS: usize = 14 * 15 / 2 + 14 + 21;
+use super::state::{State, Step};
 
 impl<N: Num> State<N> {
     /// Sums over segments: lanes take every 64th observation, then the tree.
-    fn by_segment(&self, value: impl Fn(usize, usize, N, usize) -> [N; 16]) -> Vec<[N; 16]> {
+    fn by_segment(&self, value: impl Fn(usize, usize, N, usize) -> Step<N>) -> Vec<Step<N>> {
         let segment = |&[image, start, end, _]: &[u32; 4]| {
             let lane = |lane: usize| {
                 let mut sum = zero();
@@ -31,12 +28,12 @@ impl<N: Num> State<N> {
     }
 
     /// By segment: squared norms of the camera columns, with the count in place 6.
-    pub(super) fn linearize_camera(&self) -> Vec<[N; 16]> {
+    pub(super) fn linearize_camera(&self) -> Vec<Step<N>> {
         self.by_segment(|image, point, weight, _| {
             let row = self.row(point, image, weight);
             let [x, y] = row.point;
             let (rx, ry) = (cross(row.ray, x), cross(row.ray, y));
-            let params: [N; 8] =
+            let params: [N; MAX_PARAMS] =
                 std::array::from_fn(|k| row.params[0][k] * row.params[0][k] + row.params[1][k] * row.params[1][k]);
             std::array::from_fn(|k| match k {
                 0..3 => rx[k] * rx[k] + ry[k] * ry[k],
@@ -49,7 +46,7 @@ impl<N: Num> State<N> {
     }
 
     /// By segment: `J_cᵀ v⊥` with `‖v⊥‖²` in place 6.
-    pub(super) fn product_camera(&self) -> Vec<[N; 16]> {
+    pub(super) fn product_camera(&self) -> Vec<Step<N>> {
         self.by_segment(|image, point, weight, _| {
             let row = self.row(point, image, weight);
             let (pose, camera) = (self.unit(7, image), self.unit(7, self.images + self.views[image].camera));
@@ -61,11 +58,12 @@ impl<N: Num> State<N> {
 
     /// By segment: upper triangle of the Schur–Jacobi block (plain where its camera's block is exact), the right-hand side,
     /// the pose's plain block.
-    pub(super) fn precondition_camera(&self) -> Vec<[N; SUMS]> {
+    pub(super) fn precondition_camera(&self) -> Vec<Vec<N>> {
+        let (side, triangle) = (self.sizes.side(), self.sizes.triangle());
         let segment = |&[image, start, end, _]: &[u32; 4]| {
-            let mut total: [N; SUMS] = zero();
+            let mut total = vec![N::of(0.0); self.sizes.block_sums()];
             for batch in (start as usize..end as usize).step_by(64) {
-                let mut sum: [N; SUMS] = zero();
+                let mut sum = vec![N::of(0.0); total.len()];
                 for o in batch..(batch + 64).min(end as usize) {
                     let (point, weight, index) = self.by_image[o];
                     if weight.value() == 0.0 {
@@ -77,8 +75,7 @@ impl<N: Num> State<N> {
                     let (mixed, mx, my) = (-dot(&z[0], &z[1]), one - dot(&z[0], &z[0]), one - dot(&z[1], &z[1]));
                     let columns = |e| {
                         let all = row.camera_transposed(e);
-                        let line: [N; SIDE] = std::array::from_fn(|k| if k < 6 { all[k] } else { all[k + 2] });
-                        line
+                        (0..side).map(|k| if k < 6 { all[k] } else { all[k + 2] }).collect::<Vec<_>>()
                     };
                     let j = [columns([one, N::of(0.0)]), columns([N::of(0.0), one])];
                     let moved = row.point_product(self.points[point].s);
@@ -86,25 +83,25 @@ impl<N: Num> State<N> {
                     let e = [weight * r[0] - moved[0], weight * r[1] - moved[1]];
                     let exact = self.exact[self.views[image as usize].camera];
                     let mut k = 0;
-                    let mut poses = TRIANGLE + SIDE;
-                    for a in 0..SIDE {
-                        for b in a..SIDE {
+                    let mut poses = triangle + side;
+                    for a in 0..side {
+                        for b in a..side {
                             let plain = j[0][a] * j[0][b] + j[1][a] * j[1][b];
                             let m = [mx * j[0][b] + mixed * j[1][b], mixed * j[0][b] + my * j[1][b]];
                             let projected = j[0][a] * m[0] + j[1][a] * m[1];
-                            sum[k] = sum[k] + if exact && b >= 6 { plain } else { projected };
+                            sum[k] += if exact && b >= 6 { plain } else { projected };
                             if b < 6 {
-                                sum[poses] = sum[poses] + plain;
+                                sum[poses] += plain;
                                 poses += 1;
                             }
                             k += 1;
                         }
                     }
-                    for a in 0..SIDE {
-                        sum[k + a] = sum[k + a] - (j[0][a] * e[0] + j[1][a] * e[1]);
+                    for a in 0..side {
+                        sum[k + a] -= j[0][a] * e[0] + j[1][a] * e[1];
                     }
                 }
-                total = add(total, sum);
+                total.iter_mut().zip(sum).for_each(|(total, sum)| *total += sum);
             }
             total
         };
@@ -112,9 +109,10 @@ impl<N: Num> State<N> {
     }
 
     /// By span of points and exact camera: what the points take from its block.
-    pub(super) fn precondition_group(&self, chunks: &[Range<usize>], cameras: &[u32]) -> Vec<[N; 64]> {
-        let factor = |p: usize, camera: u32| -> [[N; 8]; 3] {
-            let mut sum = [zero::<N, 8>(); 3];
+    pub(super) fn precondition_group(&self, chunks: &[Range<usize>], cameras: &[u32]) -> Vec<Vec<N>> {
+        let width = self.sizes.params;
+        let factor = |p: usize, camera: u32| -> [[N; MAX_PARAMS]; 3] {
+            let mut sum = [zero::<N, MAX_PARAMS>(); 3];
             for o in self.tracks[p] as usize..self.tracks[p + 1] as usize {
                 let (image, weight) = ((self.by_point[o].0 & !(1 << 31)) as usize, self.by_point[o].1);
                 if self.blocks[p][3][3].value() != 1.0
@@ -130,7 +128,7 @@ impl<N: Num> State<N> {
                     });
                 }
             }
-            let solved: [_; 8] = std::array::from_fn(|k| solve_row(&self.blocks[p], sum.map(|row| row[k])));
+            let solved: [_; MAX_PARAMS] = std::array::from_fn(|k| solve_row(&self.blocks[p], sum.map(|row| row[k])));
             std::array::from_fn(|c| solved.map(|column| column[c]))
         };
         let mut out = Vec::new();
@@ -140,15 +138,16 @@ impl<N: Num> State<N> {
             let length = 64 * groups.div_ceil(spans);
             for first in (0..spans).map(|s| chunk.start + s * length) {
                 for &camera in cameras {
-                    let mut total: [N; 64] = zero();
+                    let mut total = vec![N::of(0.0); width * width];
                     for batch in (first..chunk.end.min(first + length)).step_by(64) {
-                        let mut sum: [N; 64] = zero();
+                        let mut sum = vec![N::of(0.0); width * width];
                         for p in batch..(batch + 64).min(chunk.end) {
                             for row in factor(p, camera) {
-                                sum = std::array::from_fn(|k| sum[k] + row[k / 8] * row[k % 8]);
+                                let entry = |k: usize| row[k / width] * row[k % width];
+                                sum.iter_mut().enumerate().for_each(|(k, sum)| *sum += entry(k));
                             }
                         }
-                        total = add(total, sum);
+                        total.iter_mut().zip(sum).for_each(|(total, sum)| *total += sum);
                     }
                     out.push(total);
                 }
@@ -159,15 +158,15 @@ impl<N: Num> State<N> {
 
     /// By unit: squared norms of the columns that are kept with the priors on them, as `scale_camera` sums them; zero where
     /// nothing may move.
-    pub(super) fn column_norms(&self) -> Vec<[N; 8]> {
+    pub(super) fn column_norms(&self) -> Vec<[N; MAX_PARAMS]> {
         let of_image = |image: usize| self.segments_of(image).map(|s| self.partials[s]).fold(zero(), add);
         let unit = |unit: usize| {
-            let (norms, count): ([N; 8], N) = if unit < self.images {
-                let sum: [N; 16] = of_image(unit);
+            let (norms, count): ([N; MAX_PARAMS], N) = if unit < self.images {
+                let sum: Step<N> = of_image(unit);
                 (std::array::from_fn(|k| if k < 6 { sum[k] } else { N::of(0.0) }), sum[6])
             } else {
                 let images = self.members(unit - self.images).iter();
-                let sum: [N; 16] = images.map(|&i| of_image(i as usize)).fold(zero(), add);
+                let sum: Step<N> = images.map(|&i| of_image(i as usize)).fold(zero(), add);
                 (std::array::from_fn(|k| sum[8 + k]), sum[6])
             };
             let prior = self.prior(unit).0;
@@ -179,20 +178,24 @@ impl<N: Num> State<N> {
     }
 
     /// Diagonal and gradient of the priors on a unit.
-    fn prior(&self, unit: usize) -> ([N; 8], [N; 8]) {
+    fn prior(&self, unit: usize) -> ([N; MAX_PARAMS], [N; MAX_PARAMS]) {
         let Some(camera) = unit.checked_sub(self.images) else { return (zero(), zero()) };
         let (prior, params) = (&self.priors[camera], &self.intrinsics[camera]);
-        let diagonal: [N; 8] = std::array::from_fn(|k| prior[8 + k]);
+        let diagonal: [N; MAX_PARAMS] = std::array::from_fn(|k| prior[MAX_PARAMS + k]);
         (diagonal, std::array::from_fn(|k| diagonal[k] * (params[k] - prior[k])))
     }
 
     /// By unit: diagonal and gradient of the priors in the column scale that is there.
-    pub(super) fn scaled_priors(&self) -> Vec<[N; 16]> {
+    pub(super) fn scaled_priors(&self) -> Vec<[N; 2 * MAX_PARAMS]> {
         let unit = |unit: usize| {
             let (scale, (diagonal, gradient)) = (self.unit(0, unit), self.prior(unit));
-            std::array::from_fn(
-                |k| if k < 8 { scale[k] * scale[k] * diagonal[k] } else { scale[k - 8] * gradient[k - 8] },
-            )
+            std::array::from_fn(|k| {
+                if k < MAX_PARAMS {
+                    scale[k] * scale[k] * diagonal[k]
+                } else {
+                    scale[k - MAX_PARAMS] * gradient[k - MAX_PARAMS]
+                }
+            })
         };
         (0..self.images + self.cameras).map(unit).collect()
     }
@@ -203,9 +206,10 @@ impl<N: Num> State<N> {
             let at = |block: usize| &self.intrinsics[camera + block * self.cameras];
             let (before, after, change, prior) = (at(0), at(1), at(2), &self.priors[camera]);
             let (half, two) = (N::of(0.5), N::of(2.0));
-            let off: [N; 8] = std::array::from_fn(|k| after[k] - prior[k]);
-            let from: [N; 8] = std::array::from_fn(|k| two * (before[k] - prior[k]) + change[k]);
-            let weighted = |v: &[N; 8]| -> [N; 8] { std::array::from_fn(|k| prior[8 + k] * v[k]) };
+            let off: [N; MAX_PARAMS] = std::array::from_fn(|k| after[k] - prior[k]);
+            let from: [N; MAX_PARAMS] = std::array::from_fn(|k| two * (before[k] - prior[k]) + change[k]);
+            let weighted =
+                |v: &[N; MAX_PARAMS]| -> [N; MAX_PARAMS] { std::array::from_fn(|k| prior[MAX_PARAMS + k] * v[k]) };
             [-(half * dot(&weighted(change), &from)), half * dot(&weighted(&off), &off)]
         };
         let lane = |lane: usize| (lane..self.cameras).step_by(256).map(camera).fold(zero(), add);

@@ -64,7 +64,7 @@ pub(super) fn check_cameras(bench: &Bench<'_>) {
         }
     }
     for c in 0..cameras {
-        for k in 0..8 {
+        for k in 0..state.sizes.params {
             let of = |block: usize| state.intrinsics[c + block * cameras][k].value;
             let slot = if k == 1 && state.single_focal[c] { 0 } else { k };
             let step = state.unit(0, images + c)[slot].value * state.unit(2, images + c)[slot].value;

@@ -2,10 +2,13 @@
 //! the magnitude of what was summed, which is what errors are measured by.
 
 pub(crate) mod bench;
+mod bounded;
+mod camera;
 mod cameras;
 mod check_increment;
 mod check_linear;
 mod check_step;
+mod models;
 pub(crate) mod num;
 mod observation;
 mod points;

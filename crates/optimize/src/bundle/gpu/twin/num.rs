@@ -1,15 +1,15 @@
 //! The numbers twins are evaluated with.
 
-use std::ops::{Add, Div, Mul, Neg, Sub};
+use epipole_geometry::camera::{Real, Scalar};
+
+pub(crate) use super::bounded::Bounded;
 
 /// An `f32`, or an `f64` that knows how much was summed to get it.
-pub(crate) trait Num:
-    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
-{
+/// As a [`Real`] it also runs through `epipole_geometry`'s cameras.
+pub(crate) trait Num: Real {
     fn of(value: f32) -> Self;
     fn root(self) -> Self;
     fn ln(self) -> Self;
-    fn value(self) -> f64;
 }
 
 impl Num for f32 {
@@ -23,16 +23,6 @@ impl Num for f32 {
         // The kernels switch to a series for small x; this is as accurate everywhere.
         self.ln_1p()
     }
-    fn value(self) -> f64 {
-        f64::from(self)
-    }
-}
-
-/// A value with `Σ|terms|`: to first order, rounding every operation to a relative ε moves it by at most ε times that.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Bounded {
-    pub(crate) value: f64,
-    pub(crate) terms: f64,
 }
 
 impl Num for Bounded {
@@ -40,51 +30,10 @@ impl Num for Bounded {
         Self { value: f64::from(value), terms: f64::from(value).abs() }
     }
     fn root(self) -> Self {
-        let root = self.value.sqrt();
-        Self { value: root, terms: if root > 0.0 { root + 0.5 * self.terms / root } else { self.terms.sqrt() } }
+        self.sqrt()
     }
     fn ln(self) -> Self {
         Self { value: self.value.ln_1p(), terms: self.value.ln_1p().abs() + self.terms / (1.0 + self.value).abs() }
-    }
-    fn value(self) -> f64 {
-        self.value
-    }
-}
-
-impl Add for Bounded {
-    type Output = Self;
-    fn add(self, other: Self) -> Self {
-        Self { value: self.value + other.value, terms: self.terms + other.terms }
-    }
-}
-
-impl Sub for Bounded {
-    type Output = Self;
-    fn sub(self, other: Self) -> Self {
-        Self { value: self.value - other.value, terms: self.terms + other.terms }
-    }
-}
-
-impl Mul for Bounded {
-    type Output = Self;
-    fn mul(self, other: Self) -> Self {
-        let terms = self.value.abs() * other.terms + self.terms * other.value.abs();
-        Self { value: self.value * other.value, terms }
-    }
-}
-
-impl Div for Bounded {
-    type Output = Self;
-    fn div(self, other: Self) -> Self {
-        let value = self.value / other.value;
-        Self { value, terms: (self.terms + value.abs() * other.terms) / other.value.abs() }
-    }
-}
-
-impl Neg for Bounded {
-    type Output = Self;
-    fn neg(self) -> Self {
-        Self { value: -self.value, terms: self.terms }
     }
 }
 

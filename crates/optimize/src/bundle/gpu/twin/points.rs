@@ -1,5 +1,7 @@
 //! Twins of the kernels that walk tracks, one point an invocation.
 
+use epipole_geometry::camera::MAX_PARAMS;
+
 use super::num::{Num, Vec3, add, dot, scale, sub, tree, zero};
 use super::observation::{Row, rotate};
 use super::state::{Block, State};
@@ -54,10 +56,7 @@ impl<N: Num> State<N> {
             for o in self.track(p) {
                 let view = &self.views[(self.by_point[o].0 & !OUT) as usize];
                 let q = rotate(view, self.ray(&self.points[p], view));
-                let c = &self.intrinsics[view.camera];
-                let point = super::observation::distorted(c, [q[0] / q[2], q[1] / q[2]]);
-                let r = std::array::from_fn(|k| c[k] * point[k] + (c[2 + k] - self.pixels[o][k]));
-                out.push((q[2].value() > 0.0).then_some(r));
+                out.push(self.project_residual(view.camera, q, self.pixels[o]));
             }
         }
         out
@@ -90,7 +89,7 @@ impl<N: Num> State<N> {
     }
 
     /// By point: `J_pᵀ J_c x` for camera steps by unit, and its solution with the damped block.
-    fn moved(&self, p: usize, start: Vec3<N>, step: impl Fn(usize) -> [N; 8]) -> Vec3<N> {
+    fn moved(&self, p: usize, start: Vec3<N>, step: impl Fn(usize) -> [N; MAX_PARAMS]) -> Vec3<N> {
         let mut gradient = start;
         if self.blocks[p][3][3].value() == 1.0 {
             for (_, image, row) in self.rows_of(p) {
@@ -148,17 +147,16 @@ impl<N: Num> State<N> {
                     let c = self.changes[p];
                     let moved = sub([c[0], c[1], c[2]], change.center);
                     let dq = add(rotate(change, ray), rotate(next, moved));
-                    if (q[2] + dq[2]).value() > 0.0 {
-                        let dr = self.project_change(view.camera, q, dq);
+                    if let Some(dr) = self.project_change(view.camera, q, dq) {
                         tried = add(r, dr);
                         let ds = dot(&dr, &add(scale(r, N::of(2.0)), dr));
-                        sum[0] = sum[0] + self.loss_difference(dot(&r, &r), ds);
+                        sum[0] += self.loss_difference(dot(&r, &r), ds);
                     } else {
                         tried = [N::of(INVALID); 2];
                     }
                 }
                 let counted = if tried[0].value() == f64::from(INVALID) { r } else { tried };
-                sum[1] = sum[1] + self.loss_value(dot(&counted, &counted));
+                sum[1] += self.loss_value(dot(&counted, &counted));
                 after.push(tried);
             }
             terms.push(sum);

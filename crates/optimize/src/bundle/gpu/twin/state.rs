@@ -2,11 +2,14 @@
 
 use std::ops::Range;
 
+use epipole_geometry::camera::{CameraModel, MAX_PARAMS};
 use pollster::block_on;
 
 use super::num::{Num, Vec3};
 use crate::bundle::gpu::GpuSystem;
 use crate::bundle::gpu::buffers::ROW_ALIGN;
+use crate::bundle::gpu::records::{EXACT_WORD, param_slot};
+use crate::bundle::gpu::sizes::Sizes;
 
 #[derive(Clone)]
 pub(super) struct View<N> {
@@ -26,6 +29,17 @@ pub(super) struct Point<N> {
 /// As `Block` in `block.wgsl`: six rows of four.
 pub(super) type Block<N> = [[N; 4]; 6];
 
+/// As `CameraStep` in `row.wgsl`: rotation, centre, two unused, parameters.
+pub(super) type Step<N> = [N; 8 + MAX_PARAMS];
+/// As in `vectors.wgsl`.
+const SECTIONS: usize = 10;
+
+fn padded<N: Num, const W: usize>(numbers: impl IntoIterator<Item = N>) -> [N; W] {
+    let mut out = [N::of(0.0); W];
+    out.iter_mut().zip(numbers).for_each(|(out, number)| *out = number);
+    out
+}
+
 /// Everything that kernels read.
 pub(super) struct State<N> {
     pub(super) cell: N,
@@ -39,16 +53,18 @@ pub(super) struct State<N> {
     /// In the order of their slots.
     pub(super) segments: Vec<[u32; 4]>,
     pub(super) topology: Vec<u32>,
-    pub(super) freedom: Vec<[N; 8]>,
+    pub(super) sizes: Sizes,
+    pub(super) freedom: Vec<[N; MAX_PARAMS]>,
     /// Means of a camera's parameters, then their inverse variances.
-    pub(super) priors: Vec<[N; 16]>,
+    pub(super) priors: Vec<[N; 2 * MAX_PARAMS]>,
     pub(super) pixels: Vec<[N; 2]>,
     pub(super) views: Vec<View<N>>,
-    /// fx, fy, cx, cy, k1, k2, p1, p2.
-    pub(super) intrinsics: Vec<[N; 8]>,
+    /// fx, fy, cx, cy, then the distortion; 0 beyond what the variant keeps, here and in all that follows.
+    pub(super) intrinsics: Vec<[N; MAX_PARAMS]>,
     pub(super) single_focal: Vec<bool>,
     /// Cameras with an exact block in the preconditioner.
     pub(super) exact: Vec<bool>,
+    pub(super) models: Vec<CameraModel>,
     pub(super) points: Vec<Point<N>>,
     pub(super) changes: Vec<[N; 4]>,
     /// Image (with OUT) and weight.
@@ -57,10 +73,10 @@ pub(super) struct State<N> {
     pub(super) by_image: Vec<(usize, N, usize)>,
     pub(super) residuals: Vec<[N; 4]>,
     pub(super) blocks: Vec<Block<N>>,
-    pub(super) partials: Vec<[N; 16]>,
+    pub(super) partials: Vec<Step<N>>,
     pub(super) product_sums: Vec<[N; 8]>,
-    pub(super) inverses: Vec<[N; 196]>,
-    /// Four rows of state, then sections of two rows a unit.
+    pub(super) inverses: Vec<Vec<N>>,
+    /// Four rows of state, then sections of a few rows a unit.
     pub(super) vectors: Vec<[N; 4]>,
 }
 
@@ -76,7 +92,8 @@ impl<N: Num> State<N> {
             words.chunks_exact(4).map(|w| std::array::from_fn(|k| real(w[k]))).collect()
         };
         let views = words(&buffers.views, 48 * images);
-        let intrinsics = words(&buffers.intrinsics, 36 * cameras);
+        let sizes = layout.sizes;
+        let intrinsics = sizes.unpack(&words(&buffers.intrinsics, 3 * sizes.intrinsics() * cameras));
         let mut state = Self {
             cell: N::of(params.cell),
             lambda: N::of(params.lambda),
@@ -87,8 +104,9 @@ impl<N: Num> State<N> {
             rows: Vec::new(),
             segments: vec![[0; 4]; layout.segments],
             topology: layout.topology.clone(),
+            sizes,
             freedom: layout.freedom.iter().map(|f| f.map(N::of)).collect(),
-            priors: layout.priors.rows.iter().map(|p| p.map(N::of)).collect(),
+            priors: layout.priors.rows.iter().map(|p| padded(p.as_flattened().iter().map(|&p| N::of(p)))).collect(),
             pixels: Vec::new(),
             views: views
                 .chunks_exact(16)
@@ -99,28 +117,29 @@ impl<N: Num> State<N> {
                     camera: w[15] as usize,
                 })
                 .collect(),
-            single_focal: intrinsics.chunks_exact(12).map(|w| w[8] == 1).collect(),
-            exact: intrinsics.chunks_exact(12).map(|w| w[11] == 1).collect(),
-            intrinsics: intrinsics.chunks_exact(12).map(|w| std::array::from_fn(|k| real(w[k]))).collect(),
+            single_focal: intrinsics.iter().map(|w| w[MAX_PARAMS] == 1).collect(),
+            exact: intrinsics.iter().map(|w| w[EXACT_WORD] == 1).collect(),
+            models: intrinsics.iter().map(|w| CameraModel::ALL[w[MAX_PARAMS + 1] as usize]).collect(),
+            intrinsics: intrinsics.iter().map(|w| std::array::from_fn(|k| real(w[k]))).collect(),
             points: Vec::new(),
             changes: Vec::new(),
             by_point: Vec::new(),
             by_image: Vec::new(),
             residuals: Vec::new(),
             blocks: Vec::new(),
-            partials: words(&buffers.partials, 16 * layout.segments)
-                .chunks_exact(16)
-                .map(|w| std::array::from_fn(|k| real(w[k])))
+            partials: words(&buffers.partials, sizes.step() * layout.segments)
+                .chunks_exact(sizes.step())
+                .map(|w| padded(w.iter().map(|&w| real(w))))
                 .collect(),
             product_sums: words(&buffers.product_sums, 8 * resident.params.point_groups as usize)
                 .chunks_exact(8)
                 .map(|w| std::array::from_fn(|k| real(w[k])))
                 .collect(),
-            inverses: words(&buffers.inverses, 196 * (images + cameras))
-                .chunks_exact(196)
-                .map(|w| std::array::from_fn(|k| real(w[k])))
+            inverses: words(&buffers.inverses, sizes.side() * sizes.side() * (images + cameras))
+                .chunks_exact(sizes.side() * sizes.side())
+                .map(|w| w.iter().map(|&w| real(w)).collect())
                 .collect(),
-            vectors: rows4(words(&buffers.vectors, 4 * (4 + 20 * (images + cameras)))),
+            vectors: rows4(words(&buffers.vectors, 16 + SECTIONS * sizes.params * (images + cameras))),
         };
         for (chunk, buffers) in layout.chunks.iter().zip(&resident.chunks) {
             let (first, observation) = (state.points.len(), state.by_point.len());
@@ -148,13 +167,26 @@ impl<N: Num> State<N> {
             let blocks = rows4(words(&buffers.blocks, 24 * points));
             state.blocks.extend(blocks.chunks_exact(6).map(|b| std::array::from_fn(|k| b[k])));
         }
+        for slot in 0..state.segments.len() {
+            let camera = state.views[state.segments[slot][0] as usize].camera;
+            let missing = (0..MAX_PARAMS).filter(|&k| !state.has_param(camera, k)).collect::<Vec<_>>();
+            missing.into_iter().for_each(|k| state.partials[slot][8 + k] = N::of(0.0));
+        }
         state
     }
 
-    /// A unit's eight numbers in a section of the vectors.
-    pub(super) fn unit(&self, section: usize, unit: usize) -> [N; 8] {
-        let at = 4 + section * 2 * (self.images + self.cameras) + 2 * unit;
-        std::array::from_fn(|k| self.vectors[at + k / 4][k % 4])
+    /// Whether a record's parameter is one of the model's. The wide kernels differentiate a family by what any of its
+    /// models has, and the column scale removes what is too much; the twin's derivatives know the model.
+    pub(super) fn has_param(&self, camera: usize, slot: usize) -> bool {
+        let model = self.models[camera];
+        !self.is_wide() || (0..model.num_params()).any(|k| param_slot(model, k) == slot)
+    }
+
+    /// A unit's numbers in a section of the vectors.
+    pub(super) fn unit(&self, section: usize, unit: usize) -> [N; MAX_PARAMS] {
+        let rows = self.sizes.params / 4;
+        let at = 4 + section * rows * (self.images + self.cameras) + rows * unit;
+        padded(self.vectors[at..at + rows].iter().flatten().copied())
     }
 
     pub(super) fn members(&self, camera: usize) -> &[u32] {

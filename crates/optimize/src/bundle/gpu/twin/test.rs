@@ -61,6 +61,16 @@ fn kernels_agree_with_their_twins_on_many_small_cameras() {
 }
 
 #[test]
+fn kernels_agree_with_their_twins_on_mixed_cameras() {
+    let Some(device) = device() else { return };
+    let mut problem = common::ring(&common::Scene { images: 24, shared: false, ..common::Scene::default() });
+    common::mix_models(&mut problem, |_, _| true);
+    common::perturb(&mut problem, 0.3, 0.02, 3);
+    problem.loss = Loss::Huber(1.0);
+    check(&device, &problem);
+}
+
+#[test]
 fn kernels_agree_with_their_twins_on_large_cameras_and_long_tracks() {
     let Some(device) = device() else { return };
     let scene = common::Scene { images: 40, points: 800, track: 8, band: 40, ..common::Scene::default() };

@@ -1,16 +1,17 @@
 //! Twins of the vector kernels of PCG.
 
+use epipole_geometry::camera::MAX_PARAMS;
+
 use super::num::{Num, add, dot, tree, zero};
 use super::state::State;
 use crate::bundle::gpu::layout::FEW_IMAGES;
 
 const LANES: usize = 256;
-const SIDE: usize = 14;
 
 /// What `pcg_step` leaves behind.
 pub(super) struct PcgState<N> {
     /// x, residual, z, direction by unit.
-    pub(super) units: Vec<[[N; 8]; 4]>,
+    pub(super) units: Vec<[[N; MAX_PARAMS]; 4]>,
     /// Iterations, rᵀz, twice the model's decrease, ‖x‖².
     pub(super) scalars: [N; 4],
 }
@@ -27,10 +28,14 @@ impl<N: Num> State<N> {
     }
 
     /// The unit's part of `M⁻¹ r`.
-    fn precondition(&self, unit: usize, r: &[[N; 8]]) -> [N; 8] {
-        let row = |block: usize, k: usize, pose: &[N; 8], camera: &[N; 8]| {
-            let line = &self.inverses[block][k * SIDE..(k + 1) * SIDE];
-            dot(&line[..6], &pose[..6]) + dot(&line[6..], camera)
+    fn precondition(&self, unit: usize, r: &[[N; MAX_PARAMS]]) -> [N; MAX_PARAMS] {
+        let side = self.sizes.side();
+        let row = |block: usize, k: usize, pose: &[N; MAX_PARAMS], camera: &[N; MAX_PARAMS]| {
+            if k >= side {
+                return N::of(0.0);
+            }
+            let line = &self.inverses[block][k * side..(k + 1) * side];
+            dot(&line[..6], &pose[..6]) + dot(&line[6..], &camera[..side - 6])
         };
         if unit < self.images {
             let camera = &r[self.images + self.views[unit].camera];
@@ -44,19 +49,20 @@ impl<N: Num> State<N> {
     }
 
     /// The direction times damping and priors.
-    fn damped(&self, unit: usize) -> [N; 8] {
+    fn damped(&self, unit: usize) -> [N; MAX_PARAMS] {
         let (p, prior) = (self.unit(5, unit), self.unit(8, unit));
         std::array::from_fn(|k| (self.lambda + prior[k]) * p[k])
     }
 
     /// By unit: `Jᵀ v⊥` in column scale plus damping; and the sum of squares that is the curvature.
-    fn product(&self) -> (Vec<[N; 8]>, N) {
-        let of_image = |image: usize| self.segments_of(image).map(|s| self.partials[s]).fold(zero::<N, 16>(), add);
-        let part = |image: &u32| -> [N; 8] {
+    fn product(&self) -> (Vec<[N; MAX_PARAMS]>, N) {
+        let of_image =
+            |image: usize| self.segments_of(image).map(|s| self.partials[s]).fold(zero::<N, { 8 + MAX_PARAMS }>(), add);
+        let part = |image: &u32| -> [N; MAX_PARAMS] {
             let sum = of_image(*image as usize);
             std::array::from_fn(|k| sum[8 + k])
         };
-        let sum_of = |unit: usize| -> [N; 8] {
+        let sum_of = |unit: usize| -> [N; MAX_PARAMS] {
             if unit < self.images {
                 let sum = of_image(unit);
                 return std::array::from_fn(|k| if k < 6 { sum[k] } else { N::of(0.0) });
@@ -68,7 +74,7 @@ impl<N: Num> State<N> {
             let lane = |lane: usize| members.iter().skip(lane).step_by(LANES).map(part).fold(zero(), add);
             tree((0..LANES).map(lane).collect())
         };
-        let finish = |unit: usize| -> [N; 8] {
+        let finish = |unit: usize| -> [N; MAX_PARAMS] {
             let (s, damped, sum) = (self.unit(0, unit), self.damped(unit), sum_of(unit));
             std::array::from_fn(|k| s[k] * sum[k] + damped[k])
         };
@@ -82,8 +88,8 @@ impl<N: Num> State<N> {
     }
 
     /// Direction and rᵀz at the start.
-    pub(super) fn pcg_start(&self) -> (Vec<[N; 8]>, N) {
-        let r: Vec<[N; 8]> = (0..self.units()).map(|unit| self.unit(1, unit)).collect();
+    pub(super) fn pcg_start(&self) -> (Vec<[N; MAX_PARAMS]>, N) {
+        let r: Vec<[N; MAX_PARAMS]> = (0..self.units()).map(|unit| self.unit(1, unit)).collect();
         let z: Vec<_> = (0..self.units()).map(|unit| self.precondition(unit, &r)).collect();
         let [rz] = self.by_unit(|unit| [dot(&r[unit], &z[unit])]);
         (z, rz)
@@ -92,7 +98,7 @@ impl<N: Num> State<N> {
     pub(super) fn pcg_step(&self) -> PcgState<N> {
         let (q, curvature) = self.product();
         let alpha = self.vectors[0][2] / curvature;
-        let step = |section: usize, with: &dyn Fn(usize) -> [N; 8]| -> Vec<[N; 8]> {
+        let step = |section: usize, with: &dyn Fn(usize) -> [N; MAX_PARAMS]| -> Vec<[N; MAX_PARAMS]> {
             let one = |unit| {
                 let (a, b) = (self.unit(section, unit), with(unit));
                 std::array::from_fn(|k| a[k] + b[k])
@@ -101,7 +107,7 @@ impl<N: Num> State<N> {
         };
         let x = step(2, &|unit| self.unit(5, unit).map(|p| alpha * p));
         let r = step(3, &|unit| q[unit].map(|q| -(alpha * q)));
-        let z: Vec<[N; 8]> = (0..self.units()).map(|unit| self.precondition(unit, &r)).collect();
+        let z: Vec<[N; MAX_PARAMS]> = (0..self.units()).map(|unit| self.precondition(unit, &r)).collect();
         let [improved, rz, length] = self.by_unit(|unit| {
             let b = add(self.unit(1, unit), r[unit]);
             [dot(&x[unit], &b), dot(&r[unit], &z[unit]), dot(&x[unit], &x[unit])]

@@ -70,8 +70,8 @@ impl<N: Num> State<N> {
             for o in chunk.track(p) {
                 let found = self.linear_at(chunk, chunk.points[p].x, 0, o);
                 out.kept.push(found.row.kept());
-                out.cost = out.cost + found.cost;
-                out.pulling = out.pulling + N::of(f32::from(u8::from(found.pulls)));
+                out.cost += found.cost;
+                out.pulling += N::of(f32::from(u8::from(found.pulls)));
                 out.gradient = add(out.gradient, found.gradient);
                 let columns: [Vec3<N>; 3] = std::array::from_fn(|k| {
                     found.row.block(std::array::from_fn(|j| N::of(f32::from(u8::from(j == k)))))
