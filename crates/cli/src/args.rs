@@ -61,7 +61,8 @@ pub(crate) struct ReconstructArgs {
     /// Folder of the images, for the colours of the points.
     #[arg(long, value_name = "DIR")]
     pub(crate) images: Option<PathBuf>,
-    /// Folder of depth maps, matched to the images by name: 16-bit PNG, npy, npz or COLMAP's dense format. Images
+    /// Folder of depth maps, matched to the images by name: 16-bit PNG, npy, npz, TIFF or COLMAP's dense
+    /// format. Images
     /// without one are fine.
     #[arg(long, value_name = "DIR")]
     pub(crate) depth_dir: Option<PathBuf>,

@@ -11,6 +11,7 @@ mod raster;
 mod sidecar;
 #[cfg(test)]
 mod tests;
+mod tiff;
 mod write;
 
 use std::fs;
@@ -25,8 +26,8 @@ pub use write::{write_depth_npy, write_depth_png};
 use crate::error::{FormatError, Location, Problem};
 use raster::Raster;
 
-/// Reads a depth map: 16-bit grey PNG, npy or npz (f2, f4, f8, whole numbers; either order), or COLMAP's dense format. The
-/// kind is told from the content.
+/// Reads a depth map: 16-bit grey PNG, npy or npz (f2, f4, f8, whole numbers; either order), TIFF of one channel,
+/// or COLMAP's dense format. The kind is told from the content.
 ///
 /// `scale` is metres a unit; if not given, 0.001 for whole numbers and 1 for floating-point numbers. Of whole numbers, 0 and
 /// the largest one that the type holds mean that there is no depth.
@@ -58,10 +59,11 @@ fn parse(bytes: &[u8]) -> Result<Raster, Problem> {
         [0x89, b'P', b'N', b'G', ..] => png::parse(bytes),
         [0x93, b'N', b'U', b'M', ..] => npy::parse(bytes),
         [b'P', b'K', ..] => npz::parse(bytes),
+        [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => tiff::parse(bytes),
         [b'0'..=b'9', ..] => colmap::parse(bytes),
         _ => Err(Problem::WrongKind {
             expected: "a depth map",
-            reason: "its first bytes are not those of a PNG, npy, npz or dense COLMAP file".into(),
+            reason: "its first bytes are not those of a PNG, npy, npz, TIFF or dense COLMAP file".into(),
         }),
     }
 }

@@ -1,7 +1,7 @@
 //! The readers on files made here byte by byte, on damaged ones, and on arbitrary bytes; then a folder for a graph.
 
 use std::fs;
-use std::io::Write;
+use std::io::{Cursor, Write};
 use std::sync::Arc;
 
 use epipole_geometry::camera::{Camera, CameraModel};
@@ -63,6 +63,23 @@ fn npz_file(name: &str, content: &[u8], method: u16) -> Vec<u8> {
     bytes
 }
 
+fn tiff_files() -> Vec<Vec<u8>> {
+    use ::tiff::encoder::{Compression, TiffEncoder, colortype};
+    let mut out = vec![Cursor::new(Vec::new()), Cursor::new(Vec::new()), Cursor::new(Vec::new())];
+    let [plain, lzw, deflated] = out.as_mut_slice() else { return Vec::new() };
+    let wide = SIX.map(f64::from);
+    let whole = SIX.map(|v| v as u16);
+    let write = || -> ::tiff::TiffResult<()> {
+        TiffEncoder::new(plain)?.write_image::<colortype::Gray32Float>(3, 2, &SIX)?;
+        let mut encoder = TiffEncoder::new(lzw)?.with_compression(Compression::Lzw);
+        encoder.write_image::<colortype::Gray64Float>(3, 2, &wide)?;
+        let mut encoder = TiffEncoder::new(deflated)?.with_compression(Compression::Deflate(Default::default()));
+        encoder.write_image::<colortype::Gray16>(3, 2, &whole)
+    };
+    write().expect("written");
+    out.into_iter().map(Cursor::into_inner).collect()
+}
+
 fn floats(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|v| v.to_le_bytes()).collect()
 }
@@ -97,6 +114,9 @@ fn arrays_of_every_type_and_order_read_the_same() {
     let mut colmap = b"3&2&1&".to_vec();
     colmap.extend(floats(&SIX));
     six(&parse(&colmap).expect("dense COLMAP"));
+    for (bytes, name) in tiff_files().into_iter().zip(["TIFF", "TIFF f8, LZW", "TIFF u2, deflated"]) {
+        six(&parse(&bytes).expect(name));
+    }
 }
 
 #[test]
@@ -264,7 +284,10 @@ fn sound_files() -> Vec<Vec<u8>> {
     let npy = fs::read(&npy).expect("read");
     let mut colmap = b"9&7&1&".to_vec();
     colmap.extend(floats(map.values_m()));
-    vec![fs::read(&png).expect("read"), npz_file("depth.npy", &npy, 8), npz_file("depth.npy", &npy, 0), npy, colmap]
+    let mut files = tiff_files();
+    files.extend([npz_file("depth.npy", &npy, 8), npz_file("depth.npy", &npy, 0), npy, colmap]);
+    files.push(fs::read(&png).expect("read"));
+    files
 }
 
 #[test]
@@ -290,7 +313,7 @@ proptest! {
     #[test]
     fn arbitrary_bytes_never_panic(
         start in proptest::sample::select(vec![
-            &b"\x89PNG\r\n\x1a\n"[..], b"\x93NUMPY\x01\x00", b"\x93NUMPY\x02\x00", b"PK\x03\x04", b"PK\x05\x06", b"7&", b"",
+            &b"\x89PNG\r\n\x1a\n"[..], b"II\x2a\0\x08\0\0\0", b"MM\0\x2a\0\0\0\x08", b"\x76\x2f\x31\x01\x02\0\0\0", b"\x93NUMPY\x01\x00", b"\x93NUMPY\x02\x00", b"PK\x03\x04", b"PK\x05\x06", b"7&", b"",
         ]),
         rest in proptest::collection::vec(any::<u8>(), 0..200),
     ) {
