@@ -94,7 +94,8 @@ fn incremental_residuals_are_as_accurate_for_the_smallest_steps() {
         let buffers = &resident.buffers;
         let blocks = [&before.views[..], &after.views, &before.views].concat();
         device.write(&buffers.views, &blocks);
-        device.write(&buffers.intrinsics, &[&before.intrinsics[..], &after.intrinsics, &before.intrinsics].concat());
+        let cameras = [&before.intrinsics[..], &after.intrinsics, &before.intrinsics].concat();
+        device.write(&buffers.intrinsics, &layout.sizes.pack(&cameras));
         let mut points = before.points.clone();
         for (point, after) in points.iter_mut().zip(&after.points) {
             point[4..7].copy_from_slice(&after[..3]);
