@@ -5,6 +5,7 @@
 mod bal;
 mod cameras;
 mod circuit;
+mod depth;
 mod error;
 mod layout;
 mod observe;
@@ -18,6 +19,7 @@ mod write;
 
 pub use bal::{BalPerturbation, bal_problem, write_bal};
 pub use circuit::{Circuit, CircuitScene, circuit};
+pub use depth::{DepthModel, give_depths, write_depth_maps};
 pub use error::SynthError;
 pub use options::{FocalKnowledge, Kind, Options, StoredPoses};
 pub use scene::{Scene, generate};

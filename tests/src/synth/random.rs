@@ -12,6 +12,7 @@ pub(crate) enum Stream {
     Keypoints = 3,
     Pairs = 4,
     Perturbation = 5,
+    Depths = 6,
 }
 
 /// A seeded generator.

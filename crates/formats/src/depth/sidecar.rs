@@ -126,8 +126,7 @@ fn to_motion(written: WrittenMotion) -> Result<Rigid3, Problem> {
     if !translation.is_finite() {
         return Err(Problem::NotFinite("translation_m".into()));
     }
-    // NaN is not within the tolerance either.
-    if !((rotation.length() - 1.0).abs() <= UNIT_TOLERANCE) {
+    if !rotation.is_finite() || (rotation.length() - 1.0).abs() > UNIT_TOLERANCE {
         return Err(Problem::OutOfRange {
             what: "the length of rotation_wxyz".into(),
             found: rotation.length().to_string(),

@@ -44,7 +44,10 @@ impl DepthMap {
         for value in &mut confidence {
             *value = if *value > 0.0 { value.min(1.0) } else { 0.0 };
         }
-        (confidence.len() == self.values_m.len()).then(|| Self { confidence: Some(confidence), ..self })
+        if confidence.len() != self.values_m.len() {
+            return None;
+        }
+        Some(Self { confidence: Some(confidence), ..self })
     }
 
     /// Pixels in a row.

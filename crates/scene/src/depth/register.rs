@@ -125,7 +125,8 @@ impl Canvas {
         let low = a.px.min(b.px).min(c.px);
         let high = a.px.max(b.px).max(c.px);
         let area = (b.px - a.px).perp_dot(c.px - a.px);
-        if !((high - low).max_element() <= MAX_TRIANGLE_PX) || area == 0.0 {
+        let (extent, is_finite) = ((high - low).max_element(), low.is_finite() && high.is_finite());
+        if !is_finite || extent > MAX_TRIANGLE_PX || area == 0.0 {
             return;
         }
         let confidence = a.confidence.min(b.confidence).min(c.confidence);
