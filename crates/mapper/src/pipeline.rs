@@ -11,6 +11,7 @@ use crate::component::Component;
 use crate::correspondences::CorrespondenceGraph;
 use crate::error::MapperError;
 use crate::event::{Event, Observer, Stage};
+use crate::metric::DepthStages;
 use crate::options::Options;
 use crate::reasons::{Reasons, image_reports};
 use crate::report::{ComponentReport, Report, StageTime, UnregisteredReason};
@@ -250,6 +251,12 @@ async fn reconstruct_component(
             Ok((metric, format!("{summary}{scale}")))
         })
         .await?;
+    let has_depth = |image: &epipole_scene::ViewImage| image.depths.as_ref().is_some_and(|d| d.num_known() > 0);
+    if metric.is_none() && options.metric.stages != DepthStages::Off && graph.images.iter().any(has_depth) {
+        run.warn(format!(
+            "component {number} is not in metres: no depths that could be believed; its unit is arbitrary"
+        ));
+    }
     let reconstruction = &component.reconstruction;
     if reconstruction.images.len() < options.min_component_images {
         return Err(MapperError::NothingReconstructed(format!(

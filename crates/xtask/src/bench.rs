@@ -56,6 +56,9 @@ pub(crate) struct Arguments {
     /// Only rotation averaging, on Ellis Island.
     #[arg(long)]
     rotations: bool,
+    /// Only metric depth on 7-Scenes: which stages see it, damaged maps; a table and `docs/depth/ablation.png`.
+    #[arg(long)]
+    depth: bool,
     /// Only what must hold of every written model: same bytes on any number of threads, pycolmap's agreement, round trips.
     #[arg(long)]
     check: bool,
@@ -92,6 +95,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Error> {
     }
     process::run(&mut cargo(&["build", "--release", "--package", "epipole"]), "")?;
     let epipole = target_dir().join("release/epipole");
+    if arguments.depth {
+        return depth(&python, &epipole, &data);
+    }
     if arguments.check {
         let mut check = script(&python, "peer_check.py");
         return process::run(check.arg(epipole).arg(&data).args(scenes_of(arguments)), "");
@@ -117,6 +123,20 @@ fn scenes_of(arguments: &Arguments) -> Vec<&str> {
         asked if asked.contains(&"all") => ALL_SCENES.to_vec(),
         _ => asked,
     }
+}
+
+/// What depth maps are worth, and what damaged ones do.
+fn depth(python: &Path, epipole: &Path, data: &Path) -> Result<(), Error> {
+    let needs = ["matplotlib", "pillow"];
+    if output(&python.to_string_lossy(), &["-c", "import matplotlib, PIL"]).is_none() {
+        let mut install = Command::new(python);
+        process::run(install.args(["-m", "pip", "install", "--quiet"]).args(needs), "PyPI must be reachable once")?;
+    }
+    let mut driver = script(python, "depth_ablation.py");
+    driver.arg("--epipole").arg(epipole).arg("--data").arg(data);
+    driver.arg("--sidecar").arg(root().join("docs/depth/kinect-nominal.json"));
+    driver.arg("--plot").arg(root().join("docs/depth/ablation.png"));
+    process::run(&mut driver, "")
 }
 
 /// Mean and median rotation error of both on the same edges.

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use epipole_geometry::camera::{Camera, CameraModel};
 use epipole_geometry::{Rigid3, Similarity3};
+use epipole_optimize::positioning;
 use epipole_scene::{Image, ImageDepths, KeypointDepth, Observation, Point, Reconstruction};
 use glam::{DQuat, DVec2, DVec3};
 use rand::{RngExt, SeedableRng};
@@ -162,4 +163,39 @@ fn the_length_of_a_corner_ray_is_more_than_its_depth() {
     let length = ray_length_m(&camera, corner, depth).expect("forward");
     assert!((length - 2.0 * (1.0f64 + 2.0 * 1.25 * 1.25).sqrt()).abs() < 1e-12, "{length}");
     assert_eq!(ray_length_m(&camera, -corner, depth), None);
+}
+
+#[test]
+fn wide_angles_have_no_corner_bias() {
+    let scene = scene(|_, _, z| z);
+    let extent_with = |length_m: &dyn Fn(&Camera, DVec3, KeypointDepth) -> f64| {
+        let camera = &scene.cameras[0];
+        let mut problem = positioning::Problem {
+            centers: vec![DVec3::ZERO; IMAGES],
+            points: vec![DVec3::ZERO; POINTS],
+            image_weight: vec![1.0; IMAGES],
+            track_start: vec![0],
+            ..positioning::Problem::default()
+        };
+        let mut pins = Vec::new();
+        for point in &scene.points {
+            for &o in &point.observations {
+                let px = scene.images[o.image as usize].keypoints_px[o.keypoint as usize];
+                // All cameras look along +z of the world.
+                let ray = camera.ray_from_pixel(px).expect("a pinhole camera");
+                pins.push(1.0 / length_m(camera, ray, depth_of(&scene, o).expect("every keypoint has one")));
+                problem.observation_image.push(o.image);
+                problem.observation_ray.push(ray);
+            }
+            problem.track_start.push(pins.len() as u32);
+        }
+        problem.pinned_scale = Some(pins);
+        positioning::solve(&mut problem, &positioning::Options::default(), &mut ()).expect("a good problem");
+        problem.centers[0].distance(problem.centers[IMAGES - 1]) / (0.2 * (IMAGES - 1) as f64)
+    };
+    let by_ray = extent_with(&|camera, ray, depth| ray_length_m(camera, ray, depth).expect("forward"));
+    assert!((by_ray - 1.0).abs() < 1e-5, "{by_ray}");
+    // What pinning unit rays at 1/z would do, as the published code does.
+    let by_z = extent_with(&|_, _, depth| depth.z_m);
+    assert!((by_z - 1.0).abs() > 0.03, "{by_z}");
 }

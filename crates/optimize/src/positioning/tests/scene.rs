@@ -64,14 +64,21 @@ const CAMERAS: usize = 50;
 const POINTS: usize = 700;
 const POINTS_PER_CAMERA: usize = 120;
 
+/// 50 cameras.
 pub(crate) fn scene(kind: Kind, noise: Noise, seed: u64) -> Scene {
+    scene_of(kind, noise, seed, CAMERAS)
+}
+
+/// As many cameras as asked for, with points in proportion.
+pub(crate) fn scene_of(kind: Kind, noise: Noise, seed: u64, cameras: usize) -> Scene {
+    let num_points = POINTS * cameras / CAMERAS;
     let mut random = Random(seed);
     let r = &mut random;
     let (mut centers, mut forward, mut points) = (Vec::new(), Vec::new(), Vec::new());
-    for i in 0..CAMERAS {
+    for i in 0..cameras {
         let (center, direction) = match kind {
             Kind::Orbit => {
-                let angle = std::f64::consts::TAU * i as f64 / CAMERAS as f64;
+                let angle = std::f64::consts::TAU * i as f64 / cameras as f64;
                 let center = DVec3::new(6.0 * angle.sin(), 0.7 * r.normal(), -6.0 * angle.cos());
                 (center, -center)
             }
@@ -87,13 +94,13 @@ pub(crate) fn scene(kind: Kind, noise: Noise, seed: u64) -> Scene {
         centers.push(center);
         forward.push(direction.normalize());
     }
-    for _ in 0..POINTS {
+    for _ in 0..num_points {
         points.push(match kind {
             Kind::Orbit => r.normals(),
             Kind::Street => {
                 let side = if r.bits() & 1 == 0 { 1.0 } else { -1.0 };
                 let x = side * r.uniform(4.0, 15.0);
-                DVec3::new(x, r.uniform(-2.0, 8.0), r.uniform(0.0, 2.0 * CAMERAS as f64 + 20.0))
+                DVec3::new(x, r.uniform(-2.0, 8.0), r.uniform(0.0, 2.0 * cameras as f64 + 20.0))
             }
             Kind::Facade => DVec3::new(r.uniform(-15.0, 15.0), r.uniform(-2.0, 12.0), 1.5 * r.normal()),
         });
@@ -103,10 +110,10 @@ pub(crate) fn scene(kind: Kind, noise: Noise, seed: u64) -> Scene {
         Kind::Street => 0.8,
         Kind::Facade => 0.9,
     };
-    let mut tracks: Vec<Vec<(u32, DVec3)>> = vec![Vec::new(); POINTS];
-    for i in 0..CAMERAS {
+    let mut tracks: Vec<Vec<(u32, DVec3)>> = vec![Vec::new(); num_points];
+    for i in 0..cameras {
         let rotation = rotation(noise.rotation_deg.to_radians() * r.normals());
-        let mut seen: Vec<usize> = (0..POINTS)
+        let mut seen: Vec<usize> = (0..num_points)
             .filter(|&p| {
                 let d: DVec3 = points[p] - centers[i];
                 d.dot(forward[i]) / d.length() > cos_view && d.length() < 40.0 && d.length() > 1.0
@@ -123,7 +130,7 @@ pub(crate) fn scene(kind: Kind, noise: Noise, seed: u64) -> Scene {
             tracks[p].push((i as u32, ray.normalize()));
         }
     }
-    let mut problem = Problem { track_start: vec![0], image_weight: vec![1.0; CAMERAS], ..Problem::default() };
+    let mut problem = Problem { track_start: vec![0], image_weight: vec![1.0; cameras], ..Problem::default() };
     let mut kept = Vec::new();
     for (p, track) in tracks.into_iter().enumerate().filter(|(_, track)| track.len() >= 3) {
         kept.push(points[p]);
@@ -133,7 +140,7 @@ pub(crate) fn scene(kind: Kind, noise: Noise, seed: u64) -> Scene {
         }
         problem.track_start.push(problem.observation_image.len() as u32);
     }
-    problem.centers = vec![DVec3::ZERO; CAMERAS];
+    problem.centers = vec![DVec3::ZERO; cameras];
     problem.points = vec![DVec3::ZERO; kept.len()];
     Scene { problem, centers, points: kept }
 }
