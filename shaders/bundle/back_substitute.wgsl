@@ -37,7 +37,7 @@ fn back_substitute(
         var gradient = block.gradient.xyz;
         let alone = solve_normal(block, gradient);
         if block.norms.w == 1.0 {
-            for (var o = tracks[p]; o < tracks[p + 1u]; o += 1u) {
+            for (var o = tracks[p]; o < tracks[track_end_at(params.points, p)]; o += 1u) {
                 let weight = by_point[o].weight;
                 if weight == 0.0 {
                     continue;

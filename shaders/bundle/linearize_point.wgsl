@@ -30,7 +30,7 @@ fn linearize_point(
     var r = Triangle(vec3f(), vec3f());
     var gradient = vec3f();
     var count = 0u;
-    for (var o = tracks[p]; o < tracks[p + 1u]; o += 1u) {
+    for (var o = tracks[p]; o < tracks[track_end_at(params.points, p)]; o += 1u) {
         let weight = by_point[o].weight;
         if weight == 0.0 {
             continue;

@@ -36,7 +36,7 @@ fn product_point(
         let start = section(SCALED, params.images + params.cameras);
         var gradient = vec3f();
         if block.norms.w == 1.0 {
-            for (var o = tracks[p]; o < tracks[p + 1u]; o += 1u) {
+            for (var o = tracks[p]; o < tracks[track_end_at(params.points, p)]; o += 1u) {
                 let weight = by_point[o].weight;
                 if weight == 0.0 {
                     continue;

@@ -1,10 +1,11 @@
 // Residuals at the tried state as exact differences, and what LM decides on. Sums: change of the cost, cost after,
-// observations that fall behind their camera, observations that count after.
+// observations that fall behind their camera, observations that count after; Σ ln s over those. Where the objective is
+// truncated, falling behind costs τ, and the cost after is that of what counts alone.
 
 #import "common/dispatch.wgsl"
 #import "common/loss.wgsl"
 #import "common/tree.wgsl"
-#import "bundle/types.wgsl"
+#import "bundle/sight.wgsl"
 
 const LANES = 64u;
 
@@ -27,13 +28,15 @@ fn trial(
     let g = linear_group(group, num_groups);
     let p = g * LANES + lane;
     var sum = vec4f();
+    var logarithms = 0.0;
     if p < params.points {
         let point = points[p];
-        for (var o = tracks[p]; o < tracks[p + 1u]; o += 1u) {
-            let image = by_point[o].image;
+        for (var o = tracks[p]; o < tracks[track_end_at(params.points, p)]; o += 1u) {
+            let image = by_point[o].image & IMAGE_MASK;
+            let is_out = (by_point[o].image & OUT) != 0u;
             let r = residuals[o].xy;
             var after = r;
-            if (image & OUT) == 0u {
+            if !is_out {
                 let view = views[image];
                 let next = views[image + params.images];
                 let change = views[image + 2u * params.images];
@@ -41,23 +44,30 @@ fn trial(
                 let q = rotate(view, ray);
                 let moved = changes[p].xyz - vec3f(change.r0.w, change.r1.w, change.r2.w);
                 let dq = rotate(change, ray) + rotate(next, moved);
-                if sees(intrinsics[view.camera + params.cameras], q + dq, params.check_depth) {
+                if is_seen(intrinsics[view.camera + params.cameras], limits_of(image, params.images), q + dq, params.activation) {
                     let k = intrinsics[view.camera];
                     let dr = project_change(k, intrinsics[view.camera + 2u * params.cameras], q, dq);
                     after = r + dr;
                     sum.x += loss_difference(params.loss, params.loss_scale, dot(r, r), dot(dr, 2.0 * r + dr));
                     sum.w += 1.0;
+                    logarithms += log(max(dot(after, after), LEAST_SQUARE));
                 } else {
                     after = vec2f(INVALID);
+                    if params.activation == TRUNCATED {
+                        sum.x += params.tau - loss_value(params.loss, params.loss_scale, dot(r, r));
+                    }
                     sum.z += 1.0;
                 }
             }
             residuals[o] = vec4f(r, after);
-            let counted = select(after, r, after.x == INVALID);
-            sum.y += loss_value(params.loss, params.loss_scale, dot(counted, counted));
+            let gone = after.x == INVALID;
+            let counted = select(after, r, gone);
+            if params.activation != TRUNCATED || !(gone || is_out) {
+                sum.y += loss_value(params.loss, params.loss_scale, dot(counted, counted));
+            }
         }
     }
-    let total = reduce_eight(lane, Eight(sum, vec4f()));
+    let total = reduce_eight(lane, Eight(sum, vec4f(logarithms, 0.0, 0.0, 0.0)));
     if lane == 0u && g < params.point_groups {
         sums[g] = total;
     }

@@ -19,8 +19,8 @@ struct Params {
     loss: u32,
     loss_scale: f32,
     lambda: f32,
-    // 1 where only observations in front of their camera count.
-    check_depth: u32,
+    // How observations come and go: see sight.wgsl.
+    activation: u32,
     fixed_points: u32,
     eta: f32,
     min_iterations: u32,
@@ -28,9 +28,18 @@ struct Params {
     // Rows of sums over points; as points.
     point_groups: u32,
     big_cameras: u32,
+    // What an observation outside the set is charged.
+    tau: f32,
+    // Flags of a refresh: see sight.wgsl.
+    refresh_flags: u32,
+    // 1 where every point that misses an observation is triangulated again, not only those that miss most.
+    revive_all: u32,
+    // 1 where observations that count are moved before those that do not.
+    compact: u32,
 }
 
-// Three blocks of images follow one another: accepted state, tried state, change between them.
+// Three blocks of images follow one another: accepted state, tried state, change between them. A fourth holds limits: see
+// sight.wgsl.
 struct View {
     // Rows of cam_from_world, with the centre's offset inside its cell as fourth column.
     r0: vec4f,
@@ -60,7 +69,7 @@ struct Point {
 
 // An observation in the points' order.
 struct ByPoint {
-    // Image, with OUT set where the observation does not count.
+    // Image, with OUT set where the observation does not count, HIDDEN where it is occluded.
     image: u32,
     // Root of its weight.
     weight: f32,
@@ -85,25 +94,26 @@ struct Segment {
 }
 
 const OUT = 0x80000000u;
-const IMAGE_MASK = 0x7fffffffu;
+const HIDDEN = 0x40000000u;
+const IMAGE_MASK = 0x3fffffffu;
 // The mark of a tried residual without a valid projection: no pixel is that far.
 const INVALID = 1e30;
 // Depths nearer to zero than this have no projection in f32.
 const MIN_DEPTH = 1e-20;
 
-fn has_projection(check_depth: u32, z: f32) -> bool {
-    return select(abs(z) > MIN_DEPTH, z > MIN_DEPTH, check_depth == 1u);
+fn has_projection(activation: u32, z: f32) -> bool {
+    return select(abs(z) > MIN_DEPTH, z > MIN_DEPTH, activation != 0u);
 }
 
 // Whether a camera has a pixel for a point in its frame.
-fn sees(k: Intrinsics, q: vec3f, check_depth: u32) -> bool {
+fn sees(k: Intrinsics, q: vec3f, activation: u32) -> bool {
 #if wide
     if k.kind.y == EQUIRECTANGULAR {
         return dot(q, q) >= TINY;
     }
-    return has_projection(check_depth, q.z) && is_in_domain(k, q.xy / q.z);
+    return has_projection(activation, q.z) && is_in_domain(k, q.xy / q.z);
 #else
-    return has_projection(check_depth, q.z);
+    return has_projection(activation, q.z);
 #endif
 }
 
@@ -117,6 +127,12 @@ fn position(p: Point) -> vec3f {
 
 fn point_cell(p: Point) -> vec3i {
     return vec3i(vec3u(p.cell, p.cell >> 10u, p.cell >> 20u) & vec3u(1023u));
+}
+
+// Behind the offsets of tracks, where the observations of each end that count: all of them, or the first ones after
+// compaction.
+fn track_end_at(points: u32, p: u32) -> u32 {
+    return points + 1u + p;
 }
 
 // X − C in the world frame: cells are subtracted as integers, which nothing can round or reorder

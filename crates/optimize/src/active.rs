@@ -3,6 +3,7 @@
 //! `F(x, A) = ½ Σ_{o∈A} ρ_o + ½ τ |Aᶜ|` (source: `solver.md` §5.4). During a trial the set is frozen and an observation
 //! that falls behind its camera is charged τ; after acceptance the set changes only in ways that lower F.
 
+use crate::extraction::ResidualLimit;
 use crate::loss::Loss;
 
 /// How observations come and go during a solve.
@@ -39,16 +40,11 @@ impl Activation {
 /// Depths at or below this share of the image's median depth count as behind the camera (source: `solver.md` §5.4).
 pub const MIN_RELATIVE_DEPTH: f64 = 0.05;
 /// An inactive observation returns when its cost falls below this share of τ; the gap prevents flicker.
-const RETURN_SHARE: f64 = 0.8;
+pub(crate) const RETURN_SHARE: f64 = 0.8;
 /// A trial that would throw more than this share of the active observations behind cameras is refused.
-const MAX_FLIPPED_SHARE: f64 = 0.01;
-/// The dynamic limit in units of the geometric mean of the residuals in the set. Of Gaussian noise that mean is 1.06 σ, so
-/// that nothing good is lost; and it forgives a large share of wild residuals, which a mean does not.
-const LIMIT_FACTOR: f64 = 8.0;
-/// The limit falls by at most this factor an accepted step: residuals that are slow to fall stay in the set longer.
-const LIMIT_FALL: f64 = 0.5;
+pub(crate) const MAX_FLIPPED_SHARE: f64 = 0.01;
 /// Squared residuals below this are as good as none, px².
-const LEAST_SQUARE: f64 = 1e-12;
+pub(crate) const LEAST_SQUARE: f64 = 1e-12;
 
 /// Sums go in blocks: a running sum of millions of terms loses digits (source: `solver.md` §1.4).
 const SUM_BLOCK: usize = 1024;
@@ -57,9 +53,7 @@ const SUM_BLOCK: usize = 1024;
 #[derive(Clone, Debug)]
 pub struct ActiveSet {
     activation: Activation,
-    loss: Loss,
-    limit_px: f64,
-    tau: f64,
+    limit: ResidualLimit,
     active: Vec<bool>,
     count: usize,
     /// `Σ ρ` of observations that left for good.
@@ -72,14 +66,8 @@ pub struct ActiveSet {
 impl ActiveSet {
     /// A set of observations, undecided until the first update.
     pub fn new(activation: Activation, loss: Loss, observations: usize) -> Self {
-        let limit_px = match activation {
-            Activation::ValidAtStart | Activation::All => 0.0,
-            Activation::Truncated { residual_limit_px } => residual_limit_px,
-            Activation::Dynamic { .. } => f64::INFINITY,
-        };
-        let active = vec![false; observations];
-        let tau = loss.value(limit_px * limit_px);
-        Self { activation, loss, limit_px, tau, active, count: 0, retired: 0.0, started: false, hidden: Vec::new() }
+        let (limit, active) = (ResidualLimit::new(activation, loss), vec![false; observations]);
+        Self { activation, limit, active, count: 0, retired: 0.0, started: false, hidden: Vec::new() }
     }
 
     /// Whether an observation counts.
@@ -105,7 +93,12 @@ impl ActiveSet {
 
     /// The residual at which an observation stops counting, px.
     pub fn limit_px(&self) -> f64 {
-        self.limit_px
+        self.limit.px
+    }
+
+    /// Whether the set was decided at least once.
+    pub fn has_started(&self) -> bool {
+        self.started
     }
 
     /// Says which observations are occluded, whatever the geometry says; decided at the next update. They are charged as
@@ -123,7 +116,7 @@ impl ActiveSet {
     /// The change of `Σ ρ` that a trial is charged for an active observation that falls behind its camera.
     #[inline]
     pub fn flip_charge(&self, rho_before: f64) -> f64 {
-        if self.may_return() { self.tau - rho_before } else { 0.0 }
+        if self.may_return() { self.limit.tau - rho_before } else { 0.0 }
     }
 
     /// Whether so many observations falling behind cameras make a trial unacceptable.
@@ -136,7 +129,7 @@ impl ActiveSet {
         let mut sum = 0.0;
         for (block, flags) in self.active.chunks(SUM_BLOCK).enumerate() {
             let terms = flags.iter().enumerate();
-            sum += terms.map(|(k, &flag)| if flag { rho(block * SUM_BLOCK + k) } else { self.tau }).sum::<f64>();
+            sum += terms.map(|(k, &flag)| if flag { rho(block * SUM_BLOCK + k) } else { self.limit.tau }).sum::<f64>();
         }
         0.5 * (sum + self.retired)
     }
@@ -145,7 +138,7 @@ impl ActiveSet {
     /// inside its frustum, which one outside the set must be.
     #[inline]
     pub fn charge(&self, observation: usize, rho: f64, enters: bool) -> f64 {
-        if self.counts_at(observation, rho, enters) { rho } else { self.tau }
+        if self.counts_at(observation, rho, enters) { rho } else { self.limit.tau }
     }
 
     #[inline]
@@ -155,9 +148,9 @@ impl ActiveSet {
         }
         // NaN is below nothing.
         match (self.active[observation], self.started) {
-            (true, _) => rho < self.tau,
-            (false, false) => enters && rho < self.tau,
-            (false, true) => enters && rho < RETURN_SHARE * self.tau,
+            (true, _) => rho < self.limit.tau,
+            (false, false) => enters && rho < self.limit.tau,
+            (false, true) => enters && rho < RETURN_SHARE * self.limit.tau,
         }
     }
 
@@ -177,26 +170,7 @@ impl ActiveSet {
             }
             sum += part;
         }
-        self.follow(sum, count);
-    }
-
-    /// As [`Self::lower_limit`], from the sum of `ln s` over so many observations.
-    pub fn follow(&mut self, sum_of_logs: f64, count: usize) {
-        let Activation::Dynamic { residual_limit_px } = self.activation else { return };
-        if count == 0 {
-            if !self.started {
-                self.set_limit(residual_limit_px);
-            }
-            return;
-        }
-        let suits = LIMIT_FACTOR * (0.5 * sum_of_logs / count as f64).exp();
-        let least = if self.started { LIMIT_FALL * self.limit_px } else { 0.0 };
-        self.set_limit(self.limit_px.min(suits.max(least).max(residual_limit_px)));
-    }
-
-    fn set_limit(&mut self, limit_px: f64) {
-        self.limit_px = limit_px;
-        self.tau = self.loss.value(limit_px * limit_px);
+        self.limit.follow(sum, count);
     }
 
     /// Decides the set at an accepted state and returns F. `rho(o)` is the observation's ρ, NaN where it has no valid
@@ -224,7 +198,7 @@ impl ActiveSet {
                     self.retired += if value.is_finite() { value } else { rho_before(o) };
                 }
                 self.active[o] = stays;
-                part += if stays { value } else { self.tau };
+                part += if stays { value } else { self.limit.tau };
                 count += usize::from(stays);
             }
             sum += part;

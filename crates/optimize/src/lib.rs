@@ -16,6 +16,7 @@ pub mod bundle;
 pub mod engine;
 mod error;
 pub mod executor;
+mod extraction;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 mod grouping;

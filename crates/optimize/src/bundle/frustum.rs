@@ -29,6 +29,12 @@ impl Frusta {
         self.least_depth[image]
     }
 
+    /// Lowest x and y, highest x and y, px.
+    #[cfg(feature = "gpu")]
+    pub(super) fn bounds_px(&self, image: usize) -> [f64; 4] {
+        self.bounds_px[image]
+    }
+
     /// Whether a projection is near enough to the image.
     #[inline(always)]
     pub(super) fn contains(&self, image: usize, px: [f64; 2]) -> bool {

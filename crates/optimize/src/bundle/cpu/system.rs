@@ -21,16 +21,16 @@ use crate::bundle::frustum::Frusta;
 use crate::bundle::options::Options;
 use crate::bundle::problem::{ParamPrior, Problem};
 use crate::error::OptimizeError;
+use crate::extraction::Progress;
 use crate::lm::{Evaluation, Step, System, Trial};
 
 /// Accepted steps between two evaluations of the residuals from scratch, where they are carried as differences
 /// (source: `solver.md` §5.5).
 const RESIDUAL_REFRESH: usize = 10;
 
-/// A step that gained less than this share of the cost has left the residuals where they were: only then does their
-/// curvature along themselves hold for the next step as well. Further away weights alone converge faster and surer.
-const NEAR: f64 = 0.05;
-/// Least curvature along a residual relative to that across it, near the optimum. The tail then falls by 4 an iteration
+/// Least curvature along a residual relative to that across it, where a step gained so little that it left the residuals
+/// where they were: only then does their curvature along themselves hold for the next step as well. Further away weights
+/// alone converge faster and surer. The tail then falls by 4 an iteration
 /// instead of 2.5 (bonsai292, Huber 1 px); at 0.35 some steps overshoot and are refused, at 0.1 most.
 const RADIAL_FLOOR: f64 = 0.5;
 
@@ -58,11 +58,9 @@ pub struct CpuSystem<T: Real, const ROWS: usize = PIXELS> {
     damped: Vec<DampedPoint>,
     solver: ReducedSolver,
     accepted: usize,
-    /// See [`NEAR`].
+    /// 1, or [`RADIAL_FLOOR`].
     radial_floor: f64,
-    last_cost: f64,
-    /// Steps in a row that gained less than [`NEAR`].
-    near_steps: usize,
+    progress: Progress,
     /// A refused step: the model promises too much, stay with weights alone.
     refused: bool,
     camera_step: Vec<f64>,
@@ -96,8 +94,7 @@ impl<T: Real, const ROWS: usize> CpuSystem<T, ROWS> {
             solver: ReducedSolver::new(&structure, options)?,
             accepted: 0,
             radial_floor: 1.0,
-            last_cost: f64::INFINITY,
-            near_steps: 0,
+            progress: Progress::START,
             refused: false,
             camera_step: Vec::new(),
             structure,
@@ -128,13 +125,27 @@ impl<T: Real, const ROWS: usize> CpuSystem<T, ROWS> {
         self.active.occlude(pairs.map(|(&i, &p)| hides(i as usize, p as usize)).collect());
     }
 
+    /// Decides the set at the accepted state, and gives the cost of the observations.
+    fn decide(&mut self) -> f64 {
+        let (residual, before) = (&self.residual, &self.next_residual);
+        let (losses, structure, frusta) = (self.losses, &self.structure, &self.depths.frusta);
+        self.active.update(
+            |o| losses.value(structure, o, &residual[o]),
+            |o| losses.value(structure, o, &before[o]),
+            |o| enters(structure, frusta, residual, o),
+        )
+    }
+
     /// The part of dynamic extraction that moves points and the limit, before the set is decided. Lowers F or leaves it.
     fn extract(&mut self) {
         let (structure, frusta, residual) = (&self.structure, &self.depths.frusta, &self.residual);
         self.active.lower_limit(|o| square(&residual[o]), |o| enters(structure, frusta, residual, o));
-        let revival = Revival::new(structure, &self.lattice, &self.cameras, &self.depths, &self.active, self.losses);
-        // Far from the optimum a missing observation is nothing to worry about; near it, each look costs as much as a step.
-        let whom = if self.near_steps.is_power_of_two() { Whom::Incomplete } else { Whom::Poor };
+        if !self.active.has_started() {
+            self.decide();
+        }
+        let revival =
+            Revival::new(&self.structure, &self.lattice, &self.cameras, &self.depths, &self.active, self.losses);
+        let whom = if self.progress.is_time_for_all() { Whom::Incomplete } else { Whom::Poor };
         revival.run(whom, &mut self.points, &mut self.residual);
     }
 
@@ -174,18 +185,9 @@ impl<T: Real, const ROWS: usize> System for CpuSystem<T, ROWS> {
         if self.active.is_dynamic() {
             self.extract();
         }
-        let (residual, before) = (&self.residual, &self.next_residual);
-        let (losses, structure, frusta) = (self.losses, &self.structure, &self.depths.frusta);
-        let cost = self.active.update(
-            |o| losses.value(structure, o, &residual[o]),
-            |o| losses.value(structure, o, &before[o]),
-            |o| enters(structure, frusta, residual, o),
-        );
-        let cost = cost + self.offset + self.prior_cost(&self.cameras);
-        let near = self.last_cost - cost < NEAR * cost;
-        self.near_steps = if near { self.near_steps + 1 } else { 0 };
+        let cost = self.decide() + self.offset + self.prior_cost(&self.cameras);
+        let near = self.progress.note(cost);
         self.radial_floor = if near && !self.refused { RADIAL_FLOOR } else { 1.0 };
-        self.last_cost = cost;
         Evaluation { cost, active: self.active.count() }
     }
 

@@ -72,7 +72,8 @@ impl ChunkBuffers {
         let (points, observations) = (chunk.points.len() as u64, chunk.by_point.len() as u64);
         Ok(Self {
             points: device.storage("points", &chunk.points)?,
-            tracks: device.storage("tracks", &chunk.tracks)?,
+            // Then where the observations of each end that count.
+            tracks: device.storage("tracks", &[&chunk.tracks[..], &chunk.tracks[1..]].concat())?,
             by_point: device.storage("observations by point", &chunk.by_point)?,
             by_image: device.storage("observations by image", &chunk.by_image)?,
             image_order: device.storage("image order", &chunk.image_order)?,
@@ -133,7 +134,7 @@ impl Buffers {
         Ok(Self {
             params: device.uniforms("params", params_bytes)?,
             reduce_params: device.uniform("reduce params", &[rows as u32, span as u32, 0, 0])?,
-            views: device.storage("views", &layout.views.repeat(3))?,
+            views: device.storage("views", &layout.views_with_limits())?,
             intrinsics: device.storage("intrinsics", &sizes.pack(&layout.intrinsics).repeat(3))?,
             topology: device.storage("topology", &layout.topology)?,
             freedom: device.storage("freedom", &sizes.pack_units(&layout.freedom))?,

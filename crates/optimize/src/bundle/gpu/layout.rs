@@ -8,6 +8,8 @@ use super::lattice::Lattice;
 use super::priors::Priors;
 use super::records::{EXACT_WORD, Intrinsics, OUT, View, intrinsics, param_slot};
 use super::sizes::{Sizes, variant};
+use crate::active::Activation;
+use crate::bundle::frustum::Frusta;
 use crate::bundle::problem::{PoseFreedom, Problem};
 use crate::gpu::{GpuError, Variant};
 
@@ -34,11 +36,13 @@ pub(super) struct Layout {
     pub(super) priors: Priors,
     /// Accepted state; the kernels' buffers hold it three times.
     pub(super) views: Vec<View>,
+    /// What each image can see: the fourth block of the views.
+    limits: Vec<View>,
     pub(super) intrinsics: Vec<Intrinsics>,
 }
 
 impl Layout {
-    pub(super) fn new(problem: &Problem, limits: ChunkLimits) -> Result<Self, GpuError> {
+    pub(super) fn new(problem: &Problem, activation: Activation, limits: ChunkLimits) -> Result<Self, GpuError> {
         let variant = variant(problem);
         let lattice = Lattice::new(problem);
         let mut chunks = chunks(problem, limits, &lattice);
@@ -54,12 +58,20 @@ impl Layout {
             freedom: freedom(problem),
             priors: Priors::new(problem),
             views: views(problem, &lattice),
+            limits: image_limits(problem, activation),
             intrinsics: problem.cameras.iter().map(|c| intrinsics(c.model, &c.params)).collect(),
             lattice,
         };
         layout.add_members(problem);
         layout.add_exact(problem);
         Ok(layout)
+    }
+
+    /// The views as the kernels' buffer holds them.
+    pub(super) fn views_with_limits(&self) -> Vec<View> {
+        let mut views = self.views.repeat(3);
+        views.extend_from_slice(&self.limits);
+        views
     }
 
     /// The rest of the topology: images of each camera.
@@ -91,6 +103,20 @@ impl Layout {
         self.exact_cameras = exact.len();
         self.topology.extend(exact);
     }
+}
+
+/// See `shaders/bundle/sight.wgsl`.
+fn image_limits(problem: &Problem, activation: Activation) -> Vec<View> {
+    let frusta = Frusta::new(problem, activation);
+    let limit = |i: usize| {
+        let mut row = [0; 16];
+        // Models without a half space that they cannot see have no least depth.
+        let depth = frusta.least_depth(i).map_or(f64::from(f32::MIN), |depth| depth.max(1e-20));
+        let values = [depth].into_iter().chain(frusta.bounds_px(i));
+        row.iter_mut().zip(values).for_each(|(word, value)| *word = (value as f32).to_bits());
+        row
+    };
+    (0..problem.cam_from_world.len()).map(limit).collect()
 }
 
 fn views(problem: &Problem, lattice: &Lattice) -> Vec<View> {

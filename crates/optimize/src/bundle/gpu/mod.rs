@@ -2,8 +2,7 @@
 //!
 //! Jacobians are computed where they are needed and never stored; points are eliminated inside the operator; the
 //! reduced system is solved by PCG with Schur–Jacobi blocks. Only scalars are read back inside a solve, once a step.
-//! Every camera model, also several in one problem; [`Activation::Truncated`](crate::active::Activation) is left to the CPU:
-//! an error, not a silent fallback.
+//! Every camera model, also several in one problem; metric depth is left to the CPU: an error, not a silent fallback.
 
 mod buffers;
 mod checkpoint;
@@ -13,6 +12,7 @@ mod exact;
 mod lattice;
 mod layout;
 pub mod measure;
+mod membership;
 mod priors;
 mod records;
 mod residency;

@@ -16,6 +16,15 @@ pub(super) type Point = [u32; 8];
 
 /// Set in an observation's image where it does not count.
 pub(super) const OUT: u32 = 1 << 31;
+/// Set in an observation's image where it is occluded.
+pub(super) const HIDDEN: u32 = 1 << 30;
+/// `params.activation` in `sight.wgsl`.
+pub(super) const ALL: u32 = 0;
+pub(super) const VALID_AT_START: u32 = 1;
+pub(super) const TRUNCATED: u32 = 2;
+/// `params.refresh_flags` in `sight.wgsl`.
+pub(super) const FIRST_PASS: u32 = 1;
+pub(super) const FROM_SCRATCH: u32 = 2;
 
 /// The uniform `Params` of every kernel.
 #[derive(Clone, Copy, Debug, Default)]
@@ -28,16 +37,20 @@ pub(super) struct Params {
     pub(super) cell: f32,
     pub(super) loss: (u32, f32),
     pub(super) lambda: f32,
-    pub(super) check_depth: bool,
+    pub(super) activation: u32,
     pub(super) fixed_points: bool,
     pub(super) eta: f32,
     pub(super) iterations: (u32, u32),
     pub(super) point_groups: u32,
     pub(super) big_cameras: u32,
+    pub(super) tau: f32,
+    pub(super) refresh_flags: u32,
+    pub(super) revive_all: bool,
+    pub(super) compact: bool,
 }
 
 impl Params {
-    pub(super) const WORDS: usize = 16;
+    pub(super) const WORDS: usize = 20;
 
     pub(super) fn words(&self) -> [u32; Self::WORDS] {
         [
@@ -50,13 +63,17 @@ impl Params {
             self.loss.0,
             self.loss.1.to_bits(),
             self.lambda.to_bits(),
-            u32::from(self.check_depth),
+            self.activation,
             u32::from(self.fixed_points),
             self.eta.to_bits(),
             self.iterations.0,
             self.iterations.1,
             self.point_groups,
             self.big_cameras,
+            self.tau.to_bits(),
+            self.refresh_flags,
+            u32::from(self.revive_all),
+            u32::from(self.compact),
         ]
     }
 }

@@ -44,7 +44,7 @@ impl Extent {
     fn of(kernel: &Kernel) -> Self {
         match kernel.name {
             "reweight" => Self::Observations,
-            "linearize_camera" | "precondition_camera" | "product_camera" => Self::Segments,
+            "compact_image" | "linearize_camera" | "precondition_camera" | "product_camera" => Self::Segments,
             "precondition_group" => Self::Groups,
             "scale_camera" | "step_camera" | "change_camera" | "commit_camera" => Self::UnitGroups,
             "precondition_factor" => Self::Units,

@@ -6,12 +6,13 @@ use super::buffers::ROW_BYTES;
 use super::checkpoint::{Checkpoint, Checkpoints};
 use super::counters::{Counters, ResidentBytes};
 use super::layout::Layout;
+use super::membership::{Membership, activation_word};
 use super::priors::prior_cost;
 use super::records::{Params, loss_words};
 use super::residency::Residency;
 use super::resident::Resident;
 use super::sizes::{Sizes, variant};
-use crate::active::Activation;
+use crate::active::MAX_FLIPPED_SHARE;
 use crate::bundle::depth::Depth;
 use crate::bundle::options::Options;
 use crate::bundle::problem::Problem;
@@ -34,8 +35,6 @@ const MORE_ITERATIONS: usize = 100;
 /// (source: `solver.md` §6).
 const PRODUCT_BYTES: f64 = 60.0;
 const FIXED_PRODUCTS: f64 = 6.0;
-/// A trial that would throw more than this share of the observations behind cameras is refused, as on the CPU.
-const MAX_FLIPPED_SHARE: f64 = 0.01;
 /// Bytes of PCG state that are read back.
 const STATE_BYTES: u64 = 32;
 
@@ -51,6 +50,7 @@ pub struct GpuSystem<'a> {
     after: Evaluation,
     trial: Trial,
     accepted: usize,
+    pub(super) membership: Membership,
     /// Of the priors on camera parameters, at the accepted state and at the tried one.
     prior_cost: f64,
     prior_cost_after: f64,
@@ -80,21 +80,14 @@ impl<'a> GpuSystem<'a> {
         residency: &Residency,
     ) -> Result<Self, OptimizeError> {
         problem.validate()?;
-        let check_depth = match options.activation {
-            Activation::ValidAtStart => true,
-            Activation::All => false,
-            Activation::Truncated { .. } | Activation::Dynamic { .. } => {
-                return Err(GpuError::Unsupported { what: "the truncated objective" }.into());
-            }
-        };
         if problem.depth.as_ref().is_some_and(Depth::is_any) {
             return Err(GpuError::Unsupported { what: "metric depth" }.into());
         }
-        let layout = Layout::new(problem, residency.limits(device, Sizes::of(variant(problem))))?;
+        let layout = Layout::new(problem, options.activation, residency.limits(device, Sizes::of(variant(problem))))?;
         let pcg = options.pcg;
         let params = Params {
             loss: loss_words(problem.loss),
-            check_depth,
+            activation: activation_word(options.activation),
             fixed_points: problem.fixed_points,
             eta: pcg.eta as f32,
             iterations: (pcg.min_iterations as u32, pcg.max_iterations as u32),
@@ -115,6 +108,7 @@ impl<'a> GpuSystem<'a> {
             after: none,
             trial: Trial { decrease: f64::NAN },
             accepted: 0,
+            membership: Membership::new(options.activation, problem.loss),
             prior_cost: prior_cost(problem),
             prior_cost_after: 0.0,
             expected: ITERATIONS_PER_SUBMIT,
@@ -134,6 +128,11 @@ impl<'a> GpuSystem<'a> {
     /// Bytes on the device.
     pub fn resident_bytes(&self) -> ResidentBytes {
         ResidentBytes { staging_bytes: self.checkpoints.bytes(), ..self.resident.bytes() }
+    }
+
+    /// Of the priors on camera parameters at the accepted state.
+    pub(super) fn prior_cost(&self) -> f64 {
+        self.prior_cost
     }
 
     /// What has been asked of the device so far.
@@ -170,24 +169,30 @@ impl<'a> GpuSystem<'a> {
         })
     }
 
-    async fn evaluate(&mut self) -> Result<Evaluation, GpuError> {
+    /// Sums of a kernel over points that has just been recorded.
+    pub(super) async fn totals_of(&mut self, mut encoder: wgpu::CommandEncoder) -> Result<[f64; 8], GpuError> {
         let resident = &self.resident;
-        let mut encoder = self.device.encoder();
-        resident.record(&mut encoder, "refresh")?;
         resident.record(&mut encoder, "reduce trial")?;
         let bytes = resident.reduced * ROW_BYTES;
         self.read_back.copy(&mut encoder, &resident.buffers.trial_reduced, 0, 0, bytes);
         self.submit(encoder);
         self.count(|c| c.read_backs += 1);
         let rows: Vec<[f32; 8]> = self.read_back.get(self.device, resident.reduced as usize).await?;
-        let totals = Self::totals(&rows);
+        Ok(Self::totals(&rows))
+    }
+
+    async fn evaluate(&mut self) -> Result<Evaluation, GpuError> {
+        let mut encoder = self.device.encoder();
+        self.resident.record(&mut encoder, "refresh")?;
+        let totals = self.totals_of(encoder).await?;
         Ok(Evaluation { cost: 0.5 * totals[1] + self.prior_cost, active: totals[3] as usize })
     }
 
-    fn queue_linearization(&self) -> Result<(), GpuError> {
-        let resident = &self.resident;
+    fn queue_linearization(&mut self) -> Result<(), GpuError> {
         let mut encoder = self.device.encoder();
-        resident.record(&mut encoder, "reweight")?;
+        self.resident.record(&mut encoder, "reweight")?;
+        self.queue_compaction(&mut encoder)?;
+        let resident = &self.resident;
         resident.record(&mut encoder, "linearize_point")?;
         resident.record(&mut encoder, "linearize_camera")?;
         resident.record(&mut encoder, "scale_camera")?;
@@ -278,6 +283,7 @@ impl<'a> GpuSystem<'a> {
             let trial = Self::totals(&read[1 + rows..]);
             let flipped_share = trial[2] / (trial[2] + trial[3]).max(1.0);
             let refused = flipped_share > MAX_FLIPPED_SHARE;
+            self.membership.tried = (trial[4], trial[3] as usize);
             self.trial = Trial { decrease: if refused { f64::NAN } else { prior_decrease - 0.5 * trial[0] } };
             self.prior_cost_after = if self.layout.priors.any { prior_cost + self.layout.priors.constant } else { 0.0 };
             self.after = Evaluation { cost: 0.5 * trial[1] + self.prior_cost_after, active: trial[3] as usize };
@@ -318,6 +324,10 @@ impl GpuSystem<'_> {
 impl System for GpuSystem<'_> {
     async fn refresh(&mut self) -> Evaluation {
         let evaluation = match self.evaluation {
+            _ if self.membership.may_return() => {
+                let evaluation = self.decide().await;
+                self.kept(evaluation).unwrap_or(self.after)
+            }
             Some(evaluation) => evaluation,
             None => {
                 let evaluation = self.evaluate().await;
@@ -332,7 +342,8 @@ impl System for GpuSystem<'_> {
     }
 
     async fn linearize(&mut self) {
-        self.kept(self.queue_linearization());
+        let queued = self.queue_linearization();
+        self.kept(queued);
     }
 
     async fn solve(&mut self, lambda: f64) -> Option<Step> {
@@ -354,8 +365,10 @@ impl System for GpuSystem<'_> {
         if self.kept(self.queue_commit()).is_some() {
             self.accepted += 1;
             self.prior_cost = self.prior_cost_after;
+            self.membership.accept();
             // From scratch now and then: the next refresh asks the device.
             let due = self.accepted.is_multiple_of(RESIDUAL_REFRESH);
+            self.membership.from_scratch = due;
             self.evaluation = (!due).then_some(self.after);
             self.is_unsaved = true;
         }

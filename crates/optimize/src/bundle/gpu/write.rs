@@ -7,7 +7,7 @@ use glam::{DMat3, DQuat, DVec3};
 use super::checkpoint::{Checkpoint, Snapshot};
 use super::chunk::Chunk;
 use super::priors::prior_cost;
-use super::records::{Intrinsics, OUT, Point, View, param_slot};
+use super::records::{ALL, HIDDEN, Intrinsics, OUT, Point, TRUNCATED, View, param_slot};
 use super::system::GpuSystem;
 use crate::bundle::problem::{PoseFreedom, Problem};
 use crate::gpu::GpuError;
@@ -54,15 +54,20 @@ impl GpuSystem<'_> {
         for (chunk, buffers) in self.layout.chunks.iter().zip(&self.resident.chunks) {
             let residuals: Vec<[f32; 4]> = device.download(&buffers.residuals, chunk.by_point.len()).await?;
             let by_point: Vec<[u32; 2]> = device.download(&buffers.by_point, chunk.by_point.len()).await?;
+            // In the device's order: compaction moves observations within their tracks.
+            let pixels: Vec<[f32; 2]> = device.download(&buffers.pixels, chunk.pixels.len()).await?;
             for (p, track) in chunk.tracks.windows(2).enumerate() {
                 let part: f64 = (track[0] as usize..track[1] as usize)
                     .map(|o| {
-                        let image = (by_point[o][0] & !OUT) as usize;
+                        let image = (by_point[o][0] & !(OUT | HIDDEN)) as usize;
                         let kept = residuals[o];
                         let kept = f64::from(kept[0]).powi(2) + f64::from(kept[1]).powi(2);
-                        let now = (by_point[o][0] & OUT == 0)
-                            .then(|| self.square(problem, chunk.first_point + p, image, chunk.pixels[o]))
-                            .flatten();
+                        let counts = by_point[o][0] & OUT == 0;
+                        if !counts && self.resident.params.activation == TRUNCATED {
+                            return self.tau();
+                        }
+                        let now =
+                            counts.then(|| self.square(problem, chunk.first_point + p, image, pixels[o])).flatten();
                         problem.loss.value(now.unwrap_or(kept))
                     })
                     .sum();
@@ -76,7 +81,7 @@ impl GpuSystem<'_> {
     fn square(&self, problem: &Problem, point: usize, image: usize, px: [f32; 2]) -> Option<f64> {
         let camera = &problem.cameras[problem.image_camera[image] as usize];
         let q = problem.cam_from_world[image].transform_point(problem.points[point]);
-        let both_sides = !self.resident.params.check_depth && camera.model != CameraModel::Equirectangular;
+        let both_sides = self.resident.params.activation == ALL && camera.model != CameraModel::Equirectangular;
         let q = if q.z < 0.0 && both_sides { -q } else { q };
         let [x, y] = project(camera.model, &camera.params, q.to_array())?;
         let px = px.map(f64::from);

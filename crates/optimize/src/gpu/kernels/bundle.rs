@@ -238,6 +238,47 @@ pub const CHANGE_POINT: Kernel = Kernel {
     bindings: &[uniform("params"), read("points"), write("changes")],
 };
 
+/// Observations of a track that count before those that do not.
+pub const COMPACT_POINT: Kernel = Kernel {
+    name: "compact_point",
+    file: "bundle/compact_point.wgsl",
+    workgroup_size: 64,
+    bindings: &[
+        uniform("params"),
+        write("tracks"),
+        write("by_point"),
+        write("by_image"),
+        write("image_order"),
+        write("pixels"),
+        write("residuals"),
+    ],
+};
+
+/// Observations of a segment that count before those that do not.
+pub const COMPACT_IMAGE: Kernel = Kernel {
+    name: "compact_image",
+    file: "bundle/compact_image.wgsl",
+    workgroup_size: 64,
+    bindings: &[uniform("params"), write("segments"), write("by_image"), write("image_order")],
+};
+
+/// Points that miss observations, triangulated again.
+pub const REVIVE: Kernel = Kernel {
+    name: "revive",
+    file: "bundle/revive.wgsl",
+    workgroup_size: 64,
+    bindings: &[
+        uniform("params"),
+        read("views"),
+        read("intrinsics"),
+        write("points"),
+        read("tracks"),
+        read("by_point"),
+        read("pixels"),
+        write("residuals"),
+    ],
+};
+
 /// What the priors of camera parameters cost at the tried state.
 pub const PRIOR_CAMERA: Kernel = Kernel {
     name: "prior_camera",
@@ -283,6 +324,9 @@ pub const COMMIT_POINT: Kernel = Kernel {
 /// The kernels of bundle adjustment.
 pub const BUNDLE: &[Kernel] = &[
     REFRESH,
+    REVIVE,
+    COMPACT_POINT,
+    COMPACT_IMAGE,
     REWEIGHT,
     LINEARIZE_POINT,
     LINEARIZE_CAMERA,
