@@ -10,6 +10,7 @@ fn pcg_start(@builtin(local_invocation_index) lane: u32) {
         store(RESIDUAL, unit, load(RHS, unit));
     }
     storageBarrier();
+    solve_coarse(lane);
     var rz = 0.0;
     for (var unit = lane; unit < units; unit += LANES) {
         let z = precondition(unit);

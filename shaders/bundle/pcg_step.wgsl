@@ -3,8 +3,8 @@
 
 #import "bundle/pcg.wgsl"
 
-@group(0) @binding(5) var<storage, read> partials: array<CameraStep>;
-@group(0) @binding(6) var<storage, read> sums: array<Eight>;
+@group(0) @binding(6) var<storage, read> partials: array<CameraStep>;
+@group(0) @binding(7) var<storage, read> sums: array<Eight>;
 
 var<workgroup> is_done: u32;
 
@@ -96,6 +96,7 @@ fn pcg_step(@builtin(local_invocation_index) lane: u32) {
         store(RESIDUAL, unit, add_units(load(RESIDUAL, unit), scale_unit(-alpha, load(PRODUCT, unit))));
     }
     storageBarrier();
+    solve_coarse(lane);
     var improved = 0.0;
     var rz = 0.0;
     var length = 0.0;

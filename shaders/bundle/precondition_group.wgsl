@@ -43,7 +43,7 @@ fn precondition_group(
         var columns: array<vec3f, PARAMS>;
         if p < params.points && blocks[p].norms.w == 1.0 {
             let point = points[p];
-            for (var o = tracks[p]; o < tracks[p + 1u]; o += 1u) {
+            for (var o = tracks[p]; o < tracks[track_end_at(params.points, p)]; o += 1u) {
                 let weight = by_point[o].weight;
                 let view = views[by_point[o].image & IMAGE_MASK];
                 if weight == 0.0 || view.camera != camera {

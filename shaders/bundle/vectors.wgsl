@@ -18,6 +18,8 @@ const SCALED = 7u;
 // Priors in column scale: their diagonal, beside the damping, and their gradient.
 const PRIOR_DIAGONAL = 8u;
 const PRIOR_GRADIENT = 9u;
+// Behind the units' sections, two vec4f a row of the coarse matrix's blocks: Zᵀ r, then A⁻¹ Zᵀ r.
+const COARSE = 10u;
 
 fn section(which: u32, units: u32) -> u32 {
     return STATE + which * UNIT_VEC4 * units;

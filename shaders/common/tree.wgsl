@@ -24,6 +24,21 @@ fn reduce_eight(lane: u32, value: Eight) -> Eight {
     return tree_eight[0];
 }
 
+// The same over each `width` neighbouring lanes, a power of two that is the same for all; for the first lane of each.
+fn reduce_eight_within(lane: u32, value: Eight, width: u32) -> Eight {
+    tree_eight[lane] = value;
+    for (var stride = width / 2u; stride > 0u; stride >>= 1u) {
+        workgroupBarrier();
+        if lane % width < stride {
+            let x = tree_eight[lane];
+            let y = tree_eight[lane + stride];
+            tree_eight[lane] = add_eight(x, y);
+        }
+    }
+    workgroupBarrier();
+    return tree_eight[lane - lane % width];
+}
+
 fn add_eight(x: Eight, y: Eight) -> Eight {
     return Eight(x.a + y.a, vec4f(x.b.xyz + y.b.xyz, max(x.b.w, y.b.w)));
 }

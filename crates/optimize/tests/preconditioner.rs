@@ -30,3 +30,27 @@ fn a_circuit_of_200_images_takes_few_products_on_the_cpu() {
     }
     assert!(products_to(&plain, optimum, 1e-6).is_none_or(|n| n > 4 * PRODUCTS_200));
 }
+
+#[cfg(feature = "gpu")]
+mod on_device {
+    use epipole_optimize::gpu::{Device, GpuError, Limits};
+    use pollster::block_on;
+
+    use super::*;
+
+    #[test]
+    fn a_circuit_of_200_images_takes_as_few_on_the_device() {
+        let device = match block_on(Device::open(Limits::Default)) {
+            Ok(device) => device,
+            Err(error @ GpuError::NoAdapter { .. }) => return println!("SKIPPED, nothing was tested: {error}"),
+            Err(error) => panic!("{error}"),
+        };
+        let problem = circuit(200);
+        let optimum = circuit_optimum(&problem);
+        let options = options(Preconditioner::Auto);
+        let report = block_on(bundle::gpu::solve(&device, &mut problem.clone(), &options, &mut ())).expect("good");
+        print_products("two-level on the device", &report, optimum, f64::NAN);
+        assert!((report.final_cost / optimum - 1.0).abs() < 1e-6);
+        assert!(products_to(&report, optimum, 1e-6).is_some_and(|n| n <= PRODUCTS_200));
+    }
+}

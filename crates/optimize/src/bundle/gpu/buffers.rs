@@ -1,6 +1,7 @@
 //! A problem's buffers on a device, those of the whole and those of each chunk, and which a kernel gets by which name.
 
 use super::chunk::{Chunk, OBSERVATION_BYTES, POINT_BYTES};
+use super::coarse::CoarseBuffers;
 use super::layout::Layout;
 use crate::gpu::kernels::Kernel;
 use crate::gpu::{Device, GpuError};
@@ -8,6 +9,8 @@ use crate::gpu::{Device, GpuError};
 /// vec4f of state and number of sections, as in `vectors.wgsl`.
 const STATE_VEC4: u64 = 4;
 const SECTIONS: u64 = 10;
+/// The same of a row of the coarse matrix's blocks: its part of Zᵀr and of the solution.
+const COARSE_VEC4: u64 = 4;
 /// Bytes of a row of eight sums.
 pub(super) const ROW_BYTES: u64 = 32;
 /// Parts of a buffer are bound at multiples of this (WebGPU's `minStorageBufferOffsetAlignment` by default).
@@ -37,6 +40,8 @@ pub(super) struct Buffers {
     pub(super) trial_sums: wgpu::Buffer,
     pub(super) step_reduced: wgpu::Buffer,
     pub(super) trial_reduced: wgpu::Buffer,
+    /// The preconditioner's second level.
+    pub(super) coarse: CoarseBuffers,
 }
 
 /// What a chunk has alone.
@@ -130,6 +135,7 @@ impl Buffers {
         let segments = layout.segments as u64;
         let sizes = layout.sizes;
         let words = |count: usize| 4 * count as u64;
+        let rows_of_blocks = layout.plan.rows() as u64;
         let sums = |name| device.zeroed(name, rows * ROW_BYTES);
         Ok(Self {
             params: device.uniforms("params", params_bytes)?,
@@ -143,12 +149,16 @@ impl Buffers {
             block_sums: device.zeroed("block sums", segments * words(sizes.block_sums()))?,
             group_sums: device.zeroed("group sums", group_slots * words(sizes.group_sums()))?,
             inverses: device.zeroed("inverse blocks", units * words(sizes.side() * sizes.side()))?,
-            vectors: device.zeroed("vectors", 16 * STATE_VEC4 + SECTIONS * units * words(sizes.params))?,
+            vectors: device.zeroed(
+                "vectors",
+                16 * (STATE_VEC4 + COARSE_VEC4 * rows_of_blocks) + SECTIONS * units * words(sizes.params),
+            )?,
             product_sums: sums("product sums")?,
             step_sums: sums("step sums")?,
             trial_sums: sums("trial sums")?,
             step_reduced: device.zeroed("reduced step sums", reduced * ROW_BYTES)?,
             trial_reduced: device.zeroed("reduced trial sums", reduced * ROW_BYTES)?,
+            coarse: CoarseBuffers::new(device, &layout.plan)?,
         })
     }
 
@@ -175,7 +185,7 @@ impl Buffers {
     }
 
     pub(super) fn bytes(&self) -> u64 {
-        self.named().iter().map(|(_, buffer)| buffer.size()).sum()
+        self.named().iter().chain(&self.coarse.named()).map(|(_, buffer)| buffer.size()).sum()
     }
 
     /// A kernel's buffers by the names of its variables, those of a chunk included where it works on one. `sums` is the
@@ -203,7 +213,8 @@ impl Buffers {
             })),
             _ => {
                 let named = self.named();
-                let mut all = of_chunk.iter().flatten().chain(&named);
+                let coarse = self.coarse.named();
+                let mut all = of_chunk.iter().flatten().chain(&named).chain(&coarse);
                 all.find(|(n, _)| *n == name).map(|&(_, buffer)| whole(buffer))
             }
         };

@@ -1,8 +1,11 @@
 //! A problem as the kernels' arrays: chunks of points, who belongs to whom, and the start state.
 
+use std::sync::Arc;
+
 use epipole_geometry::camera::MAX_PARAMS;
 
 use super::chunk::{Chunk, ChunkLimits, assign_slots, chunks};
+use super::coarse::{Plan, memberships};
 use super::exact::{exact_cameras, spans};
 use super::lattice::Lattice;
 use super::priors::Priors;
@@ -10,6 +13,7 @@ use super::records::{EXACT_WORD, Intrinsics, OUT, View, intrinsics, param_slot};
 use super::sizes::{Sizes, variant};
 use crate::active::Activation;
 use crate::bundle::frustum::Frusta;
+use crate::bundle::options::Options;
 use crate::bundle::problem::{PoseFreedom, Problem};
 use crate::gpu::{GpuError, Variant};
 
@@ -31,6 +35,8 @@ pub(super) struct Layout {
     pub(super) big_cameras: usize,
     /// Cameras with an exact block in the preconditioner.
     pub(super) exact_cameras: usize,
+    /// The preconditioner's second level.
+    pub(super) plan: Arc<Plan>,
     /// By image, then by camera: 1 where an unknown may move.
     pub(super) freedom: Vec<[f32; MAX_PARAMS]>,
     pub(super) priors: Priors,
@@ -42,10 +48,13 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    pub(super) fn new(problem: &Problem, activation: Activation, limits: ChunkLimits) -> Result<Self, GpuError> {
+    pub(super) fn new(problem: &Problem, options: &Options, limits: ChunkLimits) -> Result<Self, GpuError> {
         let variant = variant(problem);
         let lattice = Lattice::new(problem);
         let mut chunks = chunks(problem, limits, &lattice);
+        let exact = exact_cameras(problem);
+        let clusters = memberships(problem, options.preconditioner);
+        let plan = Plan::new(&problem.image_camera, &chunks, clusters, &exact, Sizes::of(variant).params);
         let topology = assign_slots(&mut chunks, problem.cam_from_world.len());
         let mut layout = Self {
             variant,
@@ -54,16 +63,17 @@ impl Layout {
             chunks,
             topology,
             big_cameras: 0,
-            exact_cameras: 0,
+            exact_cameras: exact.len(),
+            plan: Arc::new(plan),
             freedom: freedom(problem),
             priors: Priors::new(problem),
             views: views(problem, &lattice),
-            limits: image_limits(problem, activation),
+            limits: image_limits(problem, options.activation),
             intrinsics: problem.cameras.iter().map(|c| intrinsics(c.model, &c.params)).collect(),
             lattice,
         };
         layout.add_members(problem);
-        layout.add_exact(problem);
+        layout.add_preconditioner(&exact);
         Ok(layout)
     }
 
@@ -88,20 +98,20 @@ impl Layout {
             self.topology.push(offset);
         }
         self.topology.extend(members);
+        self.topology.extend(&problem.image_camera);
         let big = (0..cameras).filter(|&c| counts[c] > FEW_IMAGES).map(|c| c as u32);
         let before = self.topology.len();
         self.topology.extend(big);
         self.big_cameras = self.topology.len() - before;
     }
 
-    /// The end of the topology: cameras with an exact block, which are marked as such.
-    fn add_exact(&mut self, problem: &Problem) {
-        let exact = exact_cameras(problem);
+    /// The end of the topology: cameras with an exact block, which are marked as such, and clusters of images.
+    fn add_preconditioner(&mut self, exact: &[u32]) {
         exact.iter().for_each(|&c| self.intrinsics[c as usize][EXACT_WORD] = 1);
         let slots: usize = self.chunks.iter().map(spans).sum();
         self.topology.extend([exact.len() as u32, slots as u32]);
-        self.exact_cameras = exact.len();
         self.topology.extend(exact);
+        self.topology.extend(self.plan.cluster_lists());
     }
 }
 

@@ -7,6 +7,7 @@
 mod buffers;
 mod checkpoint;
 mod chunk;
+mod coarse;
 mod counters;
 mod exact;
 mod lattice;

@@ -32,6 +32,14 @@ enum Extent {
     Segments,
     /// A span of a chunk's points and a camera with an exact block.
     Groups,
+    /// 64 entries of a piece of a chunk's points.
+    Entries,
+    /// Entries of a piece that one workgroup pairs.
+    EntrySegments,
+    /// A block of the coarse matrix.
+    CoarseBlocks,
+    /// A cluster of images.
+    Clusters,
     /// 64 images or cameras.
     UnitGroups,
     /// An image or a camera.
@@ -46,6 +54,10 @@ impl Extent {
             "reweight" => Self::Observations,
             "compact_image" | "linearize_camera" | "precondition_camera" | "product_camera" => Self::Segments,
             "precondition_group" => Self::Groups,
+            "coarse_modes" => Self::Clusters,
+            "coarse_base" | "coarse_subtract" => Self::CoarseBlocks,
+            "coarse_entry" => Self::Entries,
+            "coarse_pair" => Self::EntrySegments,
             "scale_camera" | "step_camera" | "change_camera" | "commit_camera" => Self::UnitGroups,
             "precondition_factor" => Self::Units,
             "pcg_start" | "pcg_step" | "prior_camera" => Self::One,
@@ -54,7 +66,7 @@ impl Extent {
     }
 
     fn is_of_chunk(self) -> bool {
-        matches!(self, Self::Points | Self::Observations | Self::Segments | Self::Groups)
+        matches!(self, Self::Points | Self::Observations | Self::Segments | Self::Groups | Self::Entries)
     }
 }
 
@@ -130,6 +142,10 @@ impl Resident {
                 Extent::Observations => observations.div_ceil(64),
                 Extent::Segments => segments,
                 Extent::Groups => chunk.map_or(0, |c| places[c].slots),
+                Extent::Entries => (layout.plan.limits.entries as u64).div_ceil(64),
+                Extent::EntrySegments => layout.plan.limits.segments as u64,
+                Extent::CoarseBlocks => layout.plan.blocks.len() as u64,
+                Extent::Clusters => layout.plan.clusters as u64,
                 Extent::UnitGroups => units.div_ceil(64),
                 Extent::Units => units,
                 Extent::One => 1,
@@ -211,6 +227,19 @@ impl Resident {
             }
         }
         Ok(())
+    }
+
+    /// Records a kernel on one chunk.
+    pub(super) fn record_on_chunk(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        chunk: usize,
+        name: &'static str,
+    ) -> Result<(), GpuError> {
+        let missing = || GpuError::Refused { reason: format!("kernel `{name}` is not bound to chunk {chunk}") };
+        let kernels = self.by_chunk.get(chunk);
+        let ready = kernels.and_then(|kernels| kernels.iter().find(|r| r.name == name)).ok_or_else(missing)?;
+        self.dispatch(encoder, ready)
     }
 
     fn dispatch(&self, encoder: &mut wgpu::CommandEncoder, ready: &Ready) -> Result<(), GpuError> {

@@ -4,6 +4,7 @@ use std::cell::Cell;
 
 use super::buffers::ROW_BYTES;
 use super::checkpoint::{Checkpoint, Checkpoints};
+use super::coarse::Coarse;
 use super::counters::{Counters, ResidentBytes};
 use super::layout::Layout;
 use super::membership::{Membership, activation_word};
@@ -44,6 +45,7 @@ pub struct GpuSystem<'a> {
     device: &'a Device,
     pub(super) layout: Layout,
     pub(super) resident: Resident,
+    pub(super) coarse: Coarse,
     read_back: ReadBack,
     failure: Failure,
     evaluation: Option<Evaluation>,
@@ -83,7 +85,9 @@ impl<'a> GpuSystem<'a> {
         if problem.depth.as_ref().is_some_and(Depth::is_any) {
             return Err(GpuError::Unsupported { what: "metric depth" }.into());
         }
-        let layout = Layout::new(problem, options.activation, residency.limits(device, Sizes::of(variant(problem))))?;
+        let limits = residency.limits(device, Sizes::of(variant(problem)));
+        let layout = Layout::new(problem, options, limits)?;
+        let coarse = Coarse::new(device, &layout.plan, options)?;
         let pcg = options.pcg;
         let params = Params {
             loss: loss_words(problem.loss),
@@ -102,6 +106,7 @@ impl<'a> GpuSystem<'a> {
             device,
             layout,
             resident,
+            coarse,
             read_back,
             failure: Failure::default(),
             evaluation: None,
@@ -200,7 +205,7 @@ impl<'a> GpuSystem<'a> {
         self.device.check()
     }
 
-    pub(super) fn queue_start(&mut self, lambda: f64) -> Result<(), GpuError> {
+    pub(super) async fn queue_start(&mut self, lambda: f64) -> Result<(), GpuError> {
         self.resident.params.lambda = lambda as f32;
         self.resident.write_params(self.device);
         let resident = &self.resident;
@@ -209,6 +214,13 @@ impl<'a> GpuSystem<'a> {
         resident.record(&mut encoder, "precondition_camera")?;
         resident.record(&mut encoder, "precondition_group")?;
         resident.record(&mut encoder, "precondition_factor")?;
+        if self.coarse.is_due(self.accepted) {
+            self.submit(encoder);
+            self.count(|c| c.read_backs += 1);
+            let submitted = || self.count(|c| c.submissions += 1);
+            self.coarse.assemble(self.device, resident, &self.layout.chunks, submitted).await?;
+            encoder = self.device.encoder();
+        }
         resident.record(&mut encoder, "pcg_start")?;
         self.submit(encoder);
         Ok(())
@@ -260,7 +272,7 @@ impl<'a> GpuSystem<'a> {
     }
 
     async fn compute_step(&mut self, lambda: f64) -> Result<Option<Step>, GpuError> {
-        self.queue_start(lambda)?;
+        self.queue_start(lambda).await?;
         let rows = self.resident.reduced as usize;
         let mut queued = 0;
         loop {
@@ -279,6 +291,7 @@ impl<'a> GpuSystem<'a> {
             self.checkpoints
                 .earn(PRODUCT_BYTES * f64::from(self.resident.params.observations) * (iterations + FIXED_PRODUCTS));
             self.expected = iterations as usize;
+            self.coarse.took(iterations as usize, self.max_iterations);
             let step = Self::totals(&read[1..=rows]);
             let trial = Self::totals(&read[1 + rows..]);
             let flipped_share = trial[2] / (trial[2] + trial[3]).max(1.0);

@@ -137,12 +137,83 @@ pub const PRECONDITION_FACTOR: Kernel = Kernel {
     ],
 };
 
+/// How clusters of images move, at the accepted state.
+pub const COARSE_MODES: Kernel = Kernel {
+    name: "coarse_modes",
+    file: "bundle/coarse_modes.wgsl",
+    workgroup_size: 64,
+    bindings: &[uniform("params"), read("topology"), read("views"), read("vectors"), write("modes")],
+};
+
+/// The coarse matrix before points are eliminated.
+pub const COARSE_BASE: Kernel = Kernel {
+    name: "coarse_base",
+    file: "bundle/coarse_base.wgsl",
+    workgroup_size: 64,
+    bindings: &[
+        uniform("params"),
+        read("topology"),
+        read("modes"),
+        read("block_sums"),
+        read("vectors"),
+        read("coarse_blocks"),
+        write("coarse_matrix"),
+    ],
+};
+
+/// What each point of a piece has to do with each row of blocks.
+pub const COARSE_ENTRY: Kernel = Kernel {
+    name: "coarse_entry",
+    file: "bundle/coarse_entry.wgsl",
+    workgroup_size: 64,
+    bindings: &[
+        uniform("params"),
+        read("views"),
+        read("intrinsics"),
+        read("points"),
+        read("by_point"),
+        read("blocks"),
+        read("modes"),
+        read("coarse_entries"),
+        write("coarse_factors"),
+    ],
+};
+
+/// Sums over the pairs of a piece's entries.
+pub const COARSE_PAIR: Kernel = Kernel {
+    name: "coarse_pair",
+    file: "bundle/coarse_pair.wgsl",
+    workgroup_size: 64,
+    bindings: &[
+        read("coarse_piece"),
+        read("coarse_entries"),
+        read("coarse_factors"),
+        read("coarse_blocks"),
+        write("coarse_partials"),
+    ],
+};
+
+/// Takes them from the coarse matrix.
+pub const COARSE_SUBTRACT: Kernel = Kernel {
+    name: "coarse_subtract",
+    file: "bundle/coarse_subtract.wgsl",
+    workgroup_size: 64,
+    bindings: &[read("coarse_piece"), read("coarse_blocks"), read("coarse_partials"), write("coarse_matrix")],
+};
+
 /// PCG at zero.
 pub const PCG_START: Kernel = Kernel {
     name: "pcg_start",
     file: "bundle/pcg_start.wgsl",
     workgroup_size: 256,
-    bindings: &[uniform("params"), read("topology"), read("views"), read("inverses"), write("vectors")],
+    bindings: &[
+        uniform("params"),
+        read("topology"),
+        read("inverses"),
+        write("vectors"),
+        read("modes"),
+        read("coarse_inverse"),
+    ],
 };
 
 /// First half of the reduced operator, by point.
@@ -188,9 +259,10 @@ pub const PCG_STEP: Kernel = Kernel {
     bindings: &[
         uniform("params"),
         read("topology"),
-        read("views"),
         read("inverses"),
         write("vectors"),
+        read("modes"),
+        read("coarse_inverse"),
         read("partials"),
         read("sums"),
     ],
@@ -335,6 +407,11 @@ pub const BUNDLE: &[Kernel] = &[
     PRECONDITION_CAMERA,
     PRECONDITION_GROUP,
     PRECONDITION_FACTOR,
+    COARSE_MODES,
+    COARSE_BASE,
+    COARSE_ENTRY,
+    COARSE_PAIR,
+    COARSE_SUBTRACT,
     PCG_START,
     PRODUCT_POINT,
     PRODUCT_CAMERA,

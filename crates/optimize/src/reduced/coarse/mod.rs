@@ -15,7 +15,11 @@ mod matrix;
 mod modes;
 
 pub(crate) use apply::CoarseSpace;
+#[cfg(feature = "gpu")]
+pub(crate) use blending::MAX_MEMBERSHIPS;
 pub(crate) use matrix::CoarseMatrix;
+#[cfg(feature = "gpu")]
+pub(crate) use matrix::invert;
 pub(crate) use modes::Basis;
 
 /// Fewer images than this have no stretches to bend; block-Jacobi alone converges (source: `scale.md` §5).
@@ -42,5 +46,23 @@ pub(crate) fn memberships(num_images: usize, track_start: &[u32], images: &[u32]
     let covisibility = clusters::Covisibility::new(num_images, track_start, images);
     // What the bound on a cluster's size keeps apart may exceed the wanted number by a quarter.
     let cluster = clusters::clusters(&covisibility, wanted, wanted + wanted / 4);
-    blending::blend(&covisibility, &cluster)
+    renumbered(blending::blend(&covisibility, &cluster))
+}
+
+/// Where everything sees everything, smoothing leaves some clusters without anyone who has them among the largest: their
+/// numbers go to others.
+fn renumbered(mut memberships: Memberships) -> Memberships {
+    let count = memberships.iter().flatten().map(|m| m.0 as usize + 1).max().unwrap_or(0);
+    let mut used = vec![false; count];
+    memberships.iter().flatten().for_each(|m| used[m.0 as usize] = true);
+    let numbers: Vec<u32> = used
+        .iter()
+        .scan(0, |next, &used| {
+            let number = *next;
+            *next += u32::from(used);
+            Some(number)
+        })
+        .collect();
+    memberships.iter_mut().flatten().for_each(|m| m.0 = numbers[m.0 as usize]);
+    memberships
 }

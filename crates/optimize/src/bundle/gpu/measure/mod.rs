@@ -105,7 +105,7 @@ pub async fn operator(
     system.refresh().await;
     system.linearize().await;
     // PCG at its start: the kernels return at once when it is done.
-    system.queue_start(LAMBDA)?;
+    system.queue_start(LAMBDA).await?;
     device.check()?;
     let system = &system;
     let queue = |count: usize| {

@@ -7,6 +7,7 @@ use epipole_geometry::camera::MAX_PARAMS;
 use super::num::{Num, add, cross, dot, sub, tree, zero};
 use super::points::{solve_normal, solve_row};
 use super::state::{State, Step};
+use crate::bundle::gpu::records::{HIDDEN, OUT};
 
 impl<N: Num> State<N> {
     /// Sums over segments: lanes take every 64th observation, then the tree.
@@ -114,7 +115,7 @@ impl<N: Num> State<N> {
         let factor = |p: usize, camera: u32| -> [[N; MAX_PARAMS]; 3] {
             let mut sum = [zero::<N, MAX_PARAMS>(); 3];
             for o in self.tracks[p] as usize..self.tracks[p + 1] as usize {
-                let (image, weight) = ((self.by_point[o].0 & !(1 << 31)) as usize, self.by_point[o].1);
+                let (image, weight) = ((self.by_point[o].0 & !(OUT | HIDDEN)) as usize, self.by_point[o].1);
                 if self.blocks[p][3][3].value() != 1.0
                     || weight.value() == 0.0
                     || self.views[image].camera != camera as usize

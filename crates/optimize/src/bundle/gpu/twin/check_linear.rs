@@ -1,6 +1,7 @@
 //! Kernels of the linearisation and of the preconditioner against their twins.
 
 use super::bench::{Bench, EXACT, compare, flat, square};
+use super::coarse::check_coarse;
 use super::num::{Bounded, Num};
 use super::state::State;
 
@@ -109,6 +110,14 @@ pub(super) fn check_preconditioner(bench: &Bench<'_>) {
         let slots = which.map(|which| of_groups.chunks(sizes.group_sums()).skip(which).step_by(cameras.len()));
         slots.into_iter().flatten().map(|sums| f64::from(sums[k])).sum()
     });
+
+    check_coarse(bench);
+    // Once with the second level and once without.
+    if bench.system.layout.chunks.len() == 1 {
+        let (system, resident) = (&bench.system, &bench.system.resident);
+        let made = system.coarse.assemble(system.device(), resident, &system.layout.chunks, || {});
+        pollster::block_on(made).expect("a live device");
+    }
 
     bench.run("pcg_start");
     let (after, _) = bench.twins();

@@ -8,6 +8,7 @@ mod cameras;
 mod check_increment;
 mod check_linear;
 mod check_step;
+mod coarse;
 mod compaction;
 mod models;
 pub(crate) mod num;

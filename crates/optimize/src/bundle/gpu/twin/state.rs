@@ -5,11 +5,13 @@ use std::ops::Range;
 use epipole_geometry::camera::{CameraModel, MAX_PARAMS};
 use pollster::block_on;
 
+use super::coarse::Mode;
 use super::num::{Num, Vec3};
 use crate::bundle::gpu::GpuSystem;
 use crate::bundle::gpu::buffers::ROW_ALIGN;
 use crate::bundle::gpu::records::{EXACT_WORD, param_slot};
 use crate::bundle::gpu::sizes::Sizes;
+use crate::reduced::coarse::MAX_MEMBERSHIPS;
 
 #[derive(Clone)]
 pub(super) struct View<N> {
@@ -65,6 +67,11 @@ pub(super) struct State<N> {
     /// Cameras with an exact block in the preconditioner.
     pub(super) exact: Vec<bool>,
     pub(super) models: Vec<CameraModel>,
+    /// Of the preconditioner's second level: by membership, then whether there is an inverse, and its rows.
+    pub(super) modes: Vec<Mode<N>>,
+    pub(super) has_coarse_space: bool,
+    pub(super) coarse_inverse: Vec<N>,
+    pub(super) clusters: usize,
     pub(super) points: Vec<Point<N>>,
     pub(super) changes: Vec<[N; 4]>,
     /// Image (with OUT) and weight.
@@ -121,6 +128,13 @@ impl<N: Num> State<N> {
             exact: intrinsics.iter().map(|w| w[EXACT_WORD] == 1).collect(),
             models: intrinsics.iter().map(|w| CameraModel::ALL[w[MAX_PARAMS + 1] as usize]).collect(),
             intrinsics: intrinsics.iter().map(|w| std::array::from_fn(|k| real(w[k]))).collect(),
+            modes: words(&buffers.coarse.modes, 8 * MAX_MEMBERSHIPS * images).chunks_exact(8).map(Mode::read).collect(),
+            has_coarse_space: f32::from_bits(words(&buffers.coarse.inverse, 1)[0]) != 0.0,
+            coarse_inverse: words(&buffers.coarse.inverse, 4 + 64 * layout.plan.rows().pow(2))[4..]
+                .iter()
+                .map(|&w| real(w))
+                .collect(),
+            clusters: layout.plan.clusters,
             points: Vec::new(),
             changes: Vec::new(),
             by_point: Vec::new(),

@@ -27,8 +27,18 @@ impl<N: Num> State<N> {
         tree((0..LANES).map(lane).collect())
     }
 
-    /// The unit's part of `M⁻¹ r`.
-    fn precondition(&self, unit: usize, r: &[[N; MAX_PARAMS]]) -> [N; MAX_PARAMS] {
+    /// `M⁻¹ r` by units.
+    fn precondition(&self, r: &[[N; MAX_PARAMS]]) -> Vec<[N; MAX_PARAMS]> {
+        let alone = (0..self.units()).map(|unit| self.precondition_alone(unit, r));
+        if !self.has_coarse_space {
+            return alone.collect();
+        }
+        let coarse = self.coarse_correction(r);
+        alone.zip(coarse).map(|(a, b)| add(a, b)).collect()
+    }
+
+    /// The unit's part of `D⁻¹ r`.
+    fn precondition_alone(&self, unit: usize, r: &[[N; MAX_PARAMS]]) -> [N; MAX_PARAMS] {
         let side = self.sizes.side();
         let row = |block: usize, k: usize, pose: &[N; MAX_PARAMS], camera: &[N; MAX_PARAMS]| {
             if k >= side {
@@ -90,7 +100,7 @@ impl<N: Num> State<N> {
     /// Direction and rᵀz at the start.
     pub(super) fn pcg_start(&self) -> (Vec<[N; MAX_PARAMS]>, N) {
         let r: Vec<[N; MAX_PARAMS]> = (0..self.units()).map(|unit| self.unit(1, unit)).collect();
-        let z: Vec<_> = (0..self.units()).map(|unit| self.precondition(unit, &r)).collect();
+        let z = self.precondition(&r);
         let [rz] = self.by_unit(|unit| [dot(&r[unit], &z[unit])]);
         (z, rz)
     }
@@ -107,7 +117,7 @@ impl<N: Num> State<N> {
         };
         let x = step(2, &|unit| self.unit(5, unit).map(|p| alpha * p));
         let r = step(3, &|unit| q[unit].map(|q| -(alpha * q)));
-        let z: Vec<[N; MAX_PARAMS]> = (0..self.units()).map(|unit| self.precondition(unit, &r)).collect();
+        let z = self.precondition(&r);
         let [improved, rz, length] = self.by_unit(|unit| {
             let b = add(self.unit(1, unit), r[unit]);
             [dot(&x[unit], &b), dot(&r[unit], &z[unit]), dot(&x[unit], &x[unit])]
