@@ -1,7 +1,8 @@
 //! Bundle adjustment on a WebGPU device, in single precision (source: `solver.md` §1.3, §2).
 //!
 //! Jacobians are computed where they are needed and never stored; points are eliminated inside the operator; the
-//! reduced system is solved by PCG with Schur–Jacobi blocks. Only scalars are read back inside a solve, once a step.
+//! reduced system is solved by PCG with a two-level preconditioner (source: `scale.md` §3). Inside a solve scalars are
+//! read back, once a step, and every second step the small matrix of the preconditioner's second level.
 //! Every camera model, also several in one problem; metric depth is left to the CPU: an error, not a silent fallback.
 
 mod buffers;
