@@ -19,6 +19,7 @@ pub(crate) fn pin(scene: &mut Scene, share: f64, noise: f64) {
 }
 
 /// Says that every other pin is uncertain, by up to a third.
+#[cfg(feature = "gpu")]
 pub(crate) fn doubt(scene: &mut Scene) {
     let sigma = (0..scene.problem.observations()).map(|o| if o % 2 == 0 { 0.05 } else { (o % 7) as f64 / 20.0 });
     scene.problem.pin_sigma = Some(sigma.collect());
