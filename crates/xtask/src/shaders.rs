@@ -14,7 +14,9 @@ const PLAYWRIGHT: &str = "playwright-core@1";
 /// Chromium on SwiftShader compiles all kernels in seconds; beyond this it hangs.
 const BROWSER_LIMIT: Duration = Duration::from_secs(180);
 const NPM_LIMIT: Duration = Duration::from_secs(180);
-const PACKAGE: [&str; 5] = ["-p", "epipole-optimize", "--features", "gpu", "--locked"];
+/// What is built with wgpu, always together: for another set of packages cargo would build wgpu once more.
+pub(crate) const WITH_GPU: [&str; 7] =
+    ["--locked", "--package", "epipole-optimize", "--package", "epipole-tests", "--features", "gpu"];
 const BROWSERS: [&str; 3] = ["/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"];
 
 #[derive(Args)]
@@ -28,7 +30,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Error> {
-    let naga = [&["test"], &PACKAGE[..], &["--lib", "gpu::tests::shaders"]].concat();
+    let naga = [&["test"], &WITH_GPU[..], &["--lib", "gpu::tests::shaders"]].concat();
     process::run(&mut cargo(&naga), "mend the shader or its row in `gpu/kernels.rs`")?;
     if arguments.no_browser {
         println!("LEFT OUT: Chromium's compiler, as asked");
@@ -44,8 +46,8 @@ fn compile_in_browser(chromium_asked: Option<&PathBuf>) -> Result<(), Error> {
         std::fs::remove_dir_all(&folder).map_err(|source| Error::Io { path: folder.clone(), source })?;
     }
     std::fs::create_dir_all(&folder).map_err(|source| Error::Io { path: folder.clone(), source })?;
-    let mut compose = cargo(&[&["run"], &PACKAGE[..], &["--example", "compose_shaders", "--"]].concat());
-    process::run(compose.arg(&folder), "")?;
+    process::run(&mut cargo(&[&["build"], &WITH_GPU[..], &["--example", "compose_shaders"]].concat()), "")?;
+    process::run(Command::new(target_dir().join("debug/examples/compose_shaders")).arg(&folder), "")?;
     let chromium = chromium(chromium_asked)?;
     let modules = playwright()?;
     let mut node = Command::new("node");

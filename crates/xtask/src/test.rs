@@ -6,6 +6,7 @@ use clap::Args;
 
 use crate::error::Error;
 use crate::process::{self, cargo, output};
+use crate::shaders::{self, WITH_GPU};
 
 #[derive(Args)]
 pub(crate) struct Arguments {
@@ -19,17 +20,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Error> {
         checked("fmt", &["fmt", "--all", "--check"], "run `cargo fmt --all`")?;
         let lints = ["clippy", "--workspace", "--all-targets", "--locked", "--", "-D", "warnings"];
         checked("clippy", &lints, "")?;
-        let packages = ["--package", "epipole-optimize", "--package", "epipole", "--features", "gpu"];
-        checked(
-            "clippy",
-            &[&["clippy", "--locked", "--all-targets"], &packages[..], &["--", "-D", "warnings"]].concat(),
-            "",
-        )?;
+        let with_gpu = ["--package", "epipole", "--all-targets", "--", "-D", "warnings"];
+        checked("clippy", &[&["clippy"], &WITH_GPU[..], &with_gpu[..]].concat(), "")?;
     }
     step(&["test", "--workspace", "--locked", "--no-fail-fast"], "")?;
     // Only here does wgpu come in: everything above compiles and runs without it.
-    let kernels = ["--package", "epipole-optimize", "--features", "gpu", "--lib", "--test", "gpu"];
-    step(&[&["test", "--locked", "--no-fail-fast"], &kernels[..]].concat(), "")
+    let targets = ["--no-fail-fast", "--lib", "--test", "gpu", "--test", "backends"];
+    step(&[&["test"], &WITH_GPU[..], &targets[..]].concat(), "")?;
+    shaders::run_in_tests()
 }
 
 /// A step whose tool may be missing on a machine without rustup's components: then it is left out, loudly.
