@@ -41,8 +41,8 @@ fn no_step() -> CameraStep {
 fn camera_product(row: Row, x: CameraStep) -> vec2f {
     let moved = cross(x.a.xyz, row.ray) - vec3f(x.a.w, x.b.xy);
     return vec2f(
-        dot(row.px, moved) + dot_units(row.x_params, x.params),
-        dot(row.py, moved) + dot_units(row.y_params, x.params),
+        add_dot_units(dot(row.px, moved), row.x_params, x.params),
+        add_dot_units(dot(row.py, moved), row.y_params, x.params),
     );
 }
 

@@ -41,6 +41,11 @@ fn dot_units(x: Unit, y: Unit) -> f32 {
     return dot(x.a, y.a) + dot(x.b, y.b) + (dot(x.c, y.c) + dot(x.d, y.d));
 }
 
+// With a number before it.
+fn add_dot_units(start: f32, x: Unit, y: Unit) -> f32 {
+    return start + dot(x.a, y.a) + dot(x.b, y.b) + (dot(x.c, y.c) + dot(x.d, y.d));
+}
+
 fn largest_of(x: Unit) -> f32 {
     let m = max(max(abs(x.a), abs(x.b)), max(abs(x.c), abs(x.d)));
     return max(max(m.x, m.y), max(m.z, m.w));
@@ -66,6 +71,11 @@ fn scale_unit(s: f32, x: Unit) -> Unit {
 
 fn dot_units(x: Unit, y: Unit) -> f32 {
     return dot(x.a, y.a) + dot(x.b, y.b);
+}
+
+// With a number before it.
+fn add_dot_units(start: f32, x: Unit, y: Unit) -> f32 {
+    return start + dot(x.a, y.a) + dot(x.b, y.b);
 }
 
 fn largest_of(x: Unit) -> f32 {
