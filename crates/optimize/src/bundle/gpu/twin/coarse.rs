@@ -73,7 +73,7 @@ impl<N: Num> State<N> {
             let mut spread = N::of(0.0);
             for &m in members {
                 let a = sub(arm(m as usize), center);
-                spread = spread + weight(m as usize) * dot(&a, &a);
+                spread += weight(m as usize) * dot(&a, &a);
             }
             let inverse_radius = match sum[3].value() > 0.0 && spread.value() / sum[3].value() > 1e-30 {
                 true => N::of(1.0) / (spread / sum[3]).root(),
@@ -118,7 +118,7 @@ impl<N: Num> State<N> {
                                 }
                                 _ => continue,
                             };
-                            sum[k] = sum[k] + more;
+                            sum[k] += more;
                         }
                     }
                 }
@@ -129,7 +129,7 @@ impl<N: Num> State<N> {
                             continue;
                         }
                         for &image in self.members(a.0 as usize) {
-                            sum[k] = sum[k] + image_sum(image as usize, triangle(6 + i.min(j), 6 + i.max(j)));
+                            sum[k] += image_sum(image as usize, triangle(6 + i.min(j), 6 + i.max(j)));
                         }
                         if i == j {
                             let unit = self.images + a.0 as usize;
@@ -179,7 +179,7 @@ impl<N: Num> State<N> {
                     for k in (0..7).filter(|_| mode.weight.value() != 0.0) {
                         let terms = mode.pose(k);
                         let y = y[8 * mode.cluster as usize + k];
-                        (0..6).for_each(|j| step[j] = step[j] + terms[j] * y);
+                        (0..6).for_each(|j| step[j] += terms[j] * y);
                     }
                 }
             } else if let Some(k) = groups.iter().position(|&g| g == unit) {
@@ -197,12 +197,11 @@ impl<N: Num> State<N> {
         for i in 0..6 {
             for j in i..6 {
                 let entry = sum(k);
-                total = total
-                    + if i == j {
-                        (entry + self.lambda * entry) * x[i] * y[i]
-                    } else {
-                        entry * (x[i] * y[j] + x[j] * y[i])
-                    };
+                total += if i == j {
+                    (entry + self.lambda * entry) * x[i] * y[i]
+                } else {
+                    entry * (x[i] * y[j] + x[j] * y[i])
+                };
                 k += 1;
             }
         }
