@@ -93,8 +93,6 @@ impl Row {
         let seconds = operator.application.seconds;
         let bandwidth = operator.model_bytes as f64 / seconds;
         let iterations = report.iterations.max(1) as f64;
-        // The first evaluation of the cost belongs to no iteration.
-        let read_backs = counters.read_backs.saturating_sub(1) as f64;
         Self {
             images: problem.cam_from_world.len(),
             points: problem.points.len(),
@@ -111,7 +109,7 @@ impl Row {
             dispatches_per_lm_iteration: counters.dispatches as f64 / iterations,
             dispatches_per_pcg_iteration: counters.pcg_dispatches as f64 / counters.pcg_iterations.max(1) as f64,
             submissions_per_lm_iteration: counters.submissions as f64 / iterations,
-            read_backs_per_lm_iteration: read_backs / iterations,
+            read_backs_per_lm_iteration: counters.read_backs as f64 / iterations,
             resident_bytes_per_observation: steps.resident_bytes.per_observation(),
             resident_bytes_total: steps.resident_bytes.total(),
         }

@@ -7,7 +7,7 @@ use crate::bundle::options::Options;
 use crate::error::OptimizeError;
 use crate::gpu::kernels::STREAM_READ;
 use crate::gpu::{Device, GpuError, Pipelines};
-use crate::lm::{LmReport, System, minimize};
+use crate::lm::{LmOptions, LmReport, System, minimize};
 
 /// Work queued between two waits: bounds the time of a submission, and hides the host's part.
 const BATCH: usize = 8;
@@ -51,7 +51,7 @@ pub struct Operator {
 /// Some steps of a solve.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Steps {
-    /// What the loop reports.
+    /// What the loop reports, after one step to warm up.
     pub report: LmReport,
     /// Wall time without making the problem resident and without writing it back.
     pub seconds: f64,
@@ -123,7 +123,8 @@ pub async fn operator(
     Ok(Operator { application, model_bytes: 48 * observations + 56 * points + 216 * images })
 }
 
-/// The first steps of a solve, at most `options.lm.max_iterations`.
+/// Steps of a solve after its first, at most `options.lm.max_iterations`. Drivers compile kernels when they first run, so
+/// the first step says nothing.
 ///
 /// # Errors
 /// [`OptimizeError`] for a problem that the device cannot hold, or where it fails.
@@ -134,6 +135,8 @@ pub async fn steps(
     timing: &Timing<'_>,
 ) -> Result<Steps, OptimizeError> {
     let mut system = GpuSystem::new(device, problem, options)?;
+    let first = LmOptions { max_iterations: 1, ..options.lm };
+    minimize(&mut system, &first, &mut ()).await;
     let (before, start) = (system.counters(), (timing.clock)());
     let report = minimize(&mut system, &options.lm, &mut ()).await;
     device.check()?;

@@ -33,13 +33,12 @@ fn the_small_end_of_the_benchmark() {
         assert_eq!(operator.application.by_timestamps, timestamps && device.has_timestamps());
         let report = &steps.report;
         assert_eq!((report.iterations, report.rejected), (3, 0));
-        assert!(report.final_cost < 0.5 * report.initial_cost);
+        assert!(report.final_cost < report.initial_cost);
         let share = steps.share_outside(&operator);
         assert!((0.0..1.0).contains(&share), "{share}");
-        // The bounds: read-backs an accepted step after the first evaluation, dispatches a PCG iteration, and
-        // bytes an observation.
+        // The bounds: read-backs an accepted step, dispatches a PCG iteration, bytes an observation.
         let counters = steps.counters;
-        assert!(counters.read_backs <= 1 + 2 * 3, "{counters:?}");
+        assert!(counters.read_backs <= 2 * 3, "{counters:?}");
         assert!(counters.pcg_iterations >= report.inner_iterations as u64 && report.inner_iterations > 0);
         assert!(counters.pcg_dispatches <= 3 * counters.pcg_iterations, "{counters:?}");
         assert!(steps.resident_bytes.per_observation() <= 60.0, "{:?}", steps.resident_bytes);
