@@ -33,7 +33,9 @@ fn a_circuit_of_200_images_takes_few_products_on_the_cpu() {
 
 #[cfg(feature = "gpu")]
 mod on_device {
+    use epipole_optimize::bundle::gpu::GpuSystem;
     use epipole_optimize::gpu::{Device, GpuError, Limits};
+    use epipole_optimize::lm::minimize;
     use pollster::block_on;
 
     use super::*;
@@ -47,10 +49,17 @@ mod on_device {
         };
         let problem = circuit(200);
         let optimum = circuit_optimum(&problem);
-        let options = options(Preconditioner::Auto);
-        let report = block_on(bundle::gpu::solve(&device, &mut problem.clone(), &options, &mut ())).expect("good");
+        // Below 1e-6 single precision decides steps by noise, which is not what is counted here.
+        let options = Options { lm: LmOptions::default(), ..options(Preconditioner::Auto) };
+        let mut system = GpuSystem::new(&device, &problem, &options).expect("good");
+        let report = block_on(minimize(&mut system, &options.lm, &mut ()));
+        let counters = system.counters();
+        println!("{counters:?}");
         print_products("two-level on the device", &report, optimum, f64::NAN);
         assert!((report.final_cost / optimum - 1.0).abs() < 1e-6);
         assert!(products_to(&report, optimum, 1e-6).is_some_and(|n| n <= PRODUCTS_200));
+        // One for the start, one a step, one every second step; with a refused step among seven that is 2 an accepted one.
+        assert!(counters.read_backs <= 1 + counters.steps + counters.steps.div_ceil(2), "{counters:?}");
+        assert_eq!(counters.pcg_dispatches, 3 * counters.pcg_iterations);
     }
 }
