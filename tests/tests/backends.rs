@@ -91,8 +91,9 @@ fn a_device_lost_in_any_stage_is_told_and_costs_no_accuracy() {
     let folder = fixtures::folder().join("orbit");
     let graph = graph_of(&folder.join("database.db"));
     let truth: Reconstruction = read_model(&folder.join("truth")).expect("the truth").value;
-    let Some(first) = device() else { return };
-    let mut engine = first;
+    let auc = |outcome: &Outcome| compare(&outcome.reconstructions[0], &truth).auc_all.at_1;
+    let cpu = auc(&reconstruct(&graph, &Options::default(), &mut Engine::Cpu, &mut Watch::default()));
+    let Some(mut engine) = device() else { return };
     for stage in [Stage::Position, Stage::Refine, Stage::Retriangulate] {
         let mut watch = Watch { sabotage: engine.device().map(|device| (device, stage)), ..Watch::default() };
         let mut any = Engine::Gpu(engine);
@@ -102,9 +103,10 @@ fn a_device_lost_in_any_stage_is_told_and_costs_no_accuracy() {
         };
         assert_eq!(*at, stage);
         assert_eq!(outcome.report.warnings, std::slice::from_ref(message));
-        let found = compare(&outcome.reconstructions[0], &truth);
-        assert_eq!(found.common_images, truth.images.len());
-        assert!(found.auc_all.at_1 > 95.0, "{stage:?}: AUC@1 {}", found.auc_all.at_1);
+        assert_eq!(outcome.reconstructions[0].images.len(), truth.images.len());
+        let gpu = auc(&outcome);
+        println!("lost in {stage:?}: AUC@1 {cpu:.2} on the CPU, {gpu:.2} on the GPU");
+        assert!((cpu - gpu).abs() <= 0.3, "{stage:?}: {cpu} {gpu}");
         let Engine::Gpu(next) = any else { panic!("still a device") };
         engine = next;
     }
