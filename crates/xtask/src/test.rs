@@ -25,7 +25,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Error> {
     }
     step(&["test", "--workspace", "--locked", "--no-fail-fast"], "")?;
     // Only here does wgpu come in: everything above compiles and runs without it.
-    let targets = ["--no-fail-fast", "--lib", "--test", "gpu", "--test", "backends"];
+    let names = ["gpu", "gpu_extraction", "preconditioner", "backends"];
+    let targets = [&["--no-fail-fast", "--lib"][..], &names.map(|name| ["--test", name]).concat()].concat();
     step(&[&["test"], &WITH_GPU[..], &targets[..]].concat(), "")?;
     shaders::run_in_tests()
 }
