@@ -83,20 +83,21 @@ pub const STREAM_READ: Kernel = Kernel {
     bindings: &[uniform("stream_params"), read("stream"), write("sums")],
 };
 
+/// The device room's own; [`REDUCE`] is listed with bundle adjustment's.
+const OWN: &[Kernel] = &[PROBE, STREAM_READ, CAMERA_PROBE];
+
 /// Every kernel: the device room's own, then those of the problems.
 pub const KERNELS: &[Kernel] = &{
-    let mut all = [PROBE; 3 + BUNDLE.len() + POSITIONING.len()];
-    all[1] = STREAM_READ;
-    all[2] = CAMERA_PROBE;
+    let all = [PROBE; OWN.len() + BUNDLE.len() + POSITIONING.len()];
+    let all = placed(placed(all, 0, OWN), OWN.len(), BUNDLE);
+    placed(all, OWN.len() + BUNDLE.len(), POSITIONING)
+};
+
+const fn placed<const N: usize>(mut all: [Kernel; N], first: usize, kernels: &[Kernel]) -> [Kernel; N] {
     let mut i = 0;
-    while i < BUNDLE.len() {
-        all[3 + i] = BUNDLE[i];
-        i += 1;
-    }
-    let mut i = 0;
-    while i < POSITIONING.len() {
-        all[3 + BUNDLE.len() + i] = POSITIONING[i];
+    while i < kernels.len() {
+        all[first + i] = kernels[i];
         i += 1;
     }
     all
-};
+}

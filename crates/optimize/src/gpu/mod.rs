@@ -11,6 +11,7 @@ mod error;
 mod failure;
 pub mod kernels;
 mod pipelines;
+pub(crate) mod sums;
 #[cfg(test)]
 pub(crate) mod tests;
 mod timer;

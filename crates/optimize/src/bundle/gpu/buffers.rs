@@ -4,6 +4,7 @@ use super::chunk::{Chunk, OBSERVATION_BYTES, POINT_BYTES};
 use super::coarse::CoarseBuffers;
 use super::layout::Layout;
 use crate::gpu::kernels::Kernel;
+use crate::gpu::sums::ROW_BYTES;
 use crate::gpu::{Device, GpuError};
 
 /// vec4f of state and number of sections, as in `vectors.wgsl`.
@@ -11,8 +12,6 @@ const STATE_VEC4: u64 = 4;
 const SECTIONS: u64 = 10;
 /// The same of a row of the coarse matrix's blocks: its part of Zᵀr and of the solution.
 const COARSE_VEC4: u64 = 4;
-/// Bytes of a row of eight sums.
-pub(super) const ROW_BYTES: u64 = 32;
 /// Parts of a buffer are bound at multiples of this (WebGPU's `minStorageBufferOffsetAlignment` by default).
 const ALIGN_BYTES: u64 = 256;
 /// Rows of sums between the first rows of two chunks: a multiple of this.

@@ -5,9 +5,9 @@ use std::ops::Range;
 use super::lattice::Lattice;
 use super::records::Point;
 use crate::bundle::problem::Problem;
+use crate::gpu::sums::segments;
+use crate::grouping::group;
 
-/// Observations of one image that one workgroup sums (source: `solver.md` §2.1).
-const SEGMENT: usize = 512;
 /// Largest records of a chunk's arrays: a point's block and an observation's residuals.
 pub(super) const POINT_BYTES: u64 = 96;
 pub(super) const OBSERVATION_BYTES: u64 = 16;
@@ -117,37 +117,25 @@ impl Chunk {
 
     /// The images' order, cut into segments whose slots are given later.
     fn sort_images(&mut self, images: usize, point_of: &[u32]) {
-        let mut start = vec![0u32; images + 1];
-        self.by_point.iter().for_each(|o| start[o[0] as usize + 1] += 1);
-        (0..images).for_each(|i| start[i + 1] += start[i]);
-        let mut next = start.clone();
-        self.by_image = vec![[0; 4]; self.by_point.len()];
-        for (o, observation) in self.by_point.iter().enumerate() {
-            let place = &mut next[observation[0] as usize];
-            self.by_image[*place as usize] = [point_of[o], 0, o as u32, 0];
-            self.image_order.push(*place);
-            *place += 1;
+        let image_of: Vec<u32> = self.by_point.iter().map(|o| o[0]).collect();
+        let (start, order) = group(&image_of, images);
+        self.by_image = order.iter().map(|&o| [point_of[o as usize], 0, o, 0]).collect();
+        self.image_order = vec![0; order.len()];
+        for (place, &o) in (0u32..).zip(&order) {
+            self.image_order[o as usize] = place;
         }
-        for (i, range) in (0u32..).zip(start.windows(2)) {
-            for from in (range[0]..range[1]).step_by(SEGMENT) {
-                self.segments.push([i, from, range[1].min(from + SEGMENT as u32), 0]);
-            }
-        }
+        self.segments = segments(&start);
     }
 }
 
 /// Gives every segment the slot of its sums: the slots of an image follow one another, chunk by chunk, so that whoever
 /// sums them goes through all chunks in a fixed order. Returns `images + 1` offsets.
 pub(super) fn assign_slots(chunks: &mut [Chunk], images: usize) -> Vec<u32> {
-    let mut start = vec![0u32; images + 1];
-    let segments = chunks.iter().flat_map(|c| &c.segments);
-    segments.for_each(|s| start[s[0] as usize + 1] += 1);
-    (0..images).for_each(|i| start[i + 1] += start[i]);
-    let mut next = start.clone();
-    for segment in chunks.iter_mut().flat_map(|c| &mut c.segments) {
-        let slot = &mut next[segment[0] as usize];
-        segment[3] = *slot;
-        *slot += 1;
+    let image_of: Vec<u32> = chunks.iter().flat_map(|c| &c.segments).map(|s| s[0]).collect();
+    let (start, order) = group(&image_of, images);
+    let mut all: Vec<_> = chunks.iter_mut().flat_map(|c| &mut c.segments).collect();
+    for (slot, &segment) in (0u32..).zip(&order) {
+        all[segment as usize][3] = slot;
     }
     start
 }

@@ -9,14 +9,10 @@ use super::exact::spans;
 use super::layout::Layout;
 use super::records::Params;
 use crate::gpu::kernels::{self, Kernel};
-use crate::gpu::{Bound, Device, GpuError, Pipelines};
+use crate::gpu::{Bound, Device, GpuError, Pipelines, sums};
 
 /// Points that one workgroup handles.
 const POINT_GROUP: u64 = 64;
-/// Rows of sums that the host adds in `f64` at most (source: `solver.md` §1.4).
-const HOST_ROWS: u64 = 1024;
-/// Rows that one workgroup of the second stage sums at least: one a lane.
-const MIN_SPAN: u64 = 64;
 /// Bytes of the uniform `Params`, and from one to the next (WebGPU's `minUniformBufferOffsetAlignment` by default).
 pub(super) const PARAMS_BYTES: u64 = size_of::<[u32; Params::WORDS]>() as u64;
 const PARAMS_STRIDE: u64 = 256;
@@ -115,8 +111,7 @@ impl Resident {
             slots += own_slots;
             rows = first_row + own;
         }
-        let span = rows.div_ceil(HOST_ROWS).max(MIN_SPAN);
-        let reduced = rows.div_ceil(span);
+        let (span, reduced) = sums::spans(rows);
         let chunks = layout.chunks.iter().map(|c| ChunkBuffers::new(device, c)).collect::<Result<Vec<_>, _>>()?;
         let counts_of = |c: &Chunk| [c.points.len(), c.by_point.len(), c.segments.len()].map(|n| n as u32);
         let counts: Vec<[u32; 3]> = layout.chunks.iter().map(counts_of).collect();

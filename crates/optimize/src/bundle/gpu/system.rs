@@ -2,7 +2,6 @@
 
 use std::cell::Cell;
 
-use super::buffers::ROW_BYTES;
 use super::checkpoint::{Checkpoint, Checkpoints};
 use super::coarse::Coarse;
 use super::counters::{Counters, ResidentBytes};
@@ -18,6 +17,7 @@ use crate::bundle::depth::Depth;
 use crate::bundle::options::Options;
 use crate::bundle::problem::Problem;
 use crate::error::OptimizeError;
+use crate::gpu::sums::{ROW_BYTES, totals};
 use crate::gpu::{Device, Failure, GpuError, ReadBack};
 use crate::lm::{Evaluation, Step, System, Trial};
 
@@ -165,15 +165,6 @@ impl<'a> GpuSystem<'a> {
         self.failure.keep(result)
     }
 
-    /// Sums of the columns of rows (eighth: maximum), in `f64`.
-    fn totals(rows: &[[f32; 8]]) -> [f64; 8] {
-        rows.iter().fold([0.0; 8], |mut sum, row| {
-            (0..7).for_each(|k| sum[k] += f64::from(row[k]));
-            sum[7] = sum[7].max(f64::from(row[7]));
-            sum
-        })
-    }
-
     /// Sums of a kernel over points that has just been recorded.
     pub(super) async fn totals_of(&mut self, mut encoder: wgpu::CommandEncoder) -> Result<[f64; 8], GpuError> {
         let resident = &self.resident;
@@ -183,7 +174,7 @@ impl<'a> GpuSystem<'a> {
         self.submit(encoder);
         self.count(|c| c.read_backs += 1);
         let rows: Vec<[f32; 8]> = self.read_back.get(self.device, resident.reduced as usize).await?;
-        Ok(Self::totals(&rows))
+        Ok(totals(&rows))
     }
 
     async fn evaluate(&mut self) -> Result<Evaluation, GpuError> {
@@ -292,8 +283,8 @@ impl<'a> GpuSystem<'a> {
                 .earn(PRODUCT_BYTES * f64::from(self.resident.params.observations) * (iterations + FIXED_PRODUCTS));
             self.expected = iterations as usize;
             self.coarse.took(iterations as usize, self.max_iterations);
-            let step = Self::totals(&read[1..=rows]);
-            let trial = Self::totals(&read[1 + rows..]);
+            let step = totals(&read[1..=rows]);
+            let trial = totals(&read[1 + rows..]);
             let flipped_share = trial[2] / (trial[2] + trial[3]).max(1.0);
             let refused = flipped_share > MAX_FLIPPED_SHARE;
             self.membership.tried = (trial[4], trial[3] as usize);

@@ -2,11 +2,10 @@
 
 use std::ops::Range;
 
+use crate::gpu::sums::segments;
 use crate::grouping::group;
 use crate::positioning::layout::Layout;
 
-/// Observations of one camera that one workgroup sums (source: `solver.md` §2.1).
-const SEGMENT: usize = 512;
 /// Observations of a chunk: what its kernels gather then stays in the cache, and no binding comes near WebGPU's 128 MiB
 /// (source: `solver.md` §2.6).
 pub(super) const CHUNK_OBSERVATIONS: usize = 1 << 20;
@@ -83,12 +82,6 @@ impl Chunks {
         let cameras = &layout.camera[observations.clone()];
         let local_point = |o: u32| layout.point[(first + o) as usize] - points.start as u32;
         let (start, order) = group(cameras, layout.cameras());
-        let mut segments = Vec::new();
-        for (camera, range) in (0u32..).zip(start.windows(2)) {
-            for from in (range[0]..range[1]).step_by(SEGMENT) {
-                segments.push([camera, from, range[1].min(from + SEGMENT as u32), 0]);
-            }
-        }
         let places = layout.sample().filter(|o| observations.contains(o)).map(|o| o as u32 - first);
         let samples = places.zip(self.samples as u32..);
         Chunk {
@@ -96,7 +89,7 @@ impl Chunks {
             tracks,
             by_point: cameras.iter().map(|&camera| [camera, 0]).collect(),
             by_camera: order.into_iter().map(|o| [local_point(o), 0, o]).collect(),
-            segments,
+            segments: segments(&start),
             first_segment: self.segments,
             first_group: self.groups,
             points,

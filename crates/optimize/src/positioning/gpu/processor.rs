@@ -2,9 +2,10 @@
 
 use super::chunks::Chunks;
 use super::records::{Gauge, Settings, camera_weights, point_record, ray_records};
-use super::resident::{ROW_BYTES, Resident};
+use super::resident::Resident;
 use crate::gpu::kernels::REDUCE;
 use crate::gpu::kernels::positioning as kernels;
+use crate::gpu::sums::{ROW_BYTES, totals};
 use crate::gpu::{Device, GpuError, ReadBack};
 use crate::positioning::gauge::Positions;
 use crate::positioning::layout::{Layout, Rays};
@@ -236,9 +237,4 @@ impl<'a> Gpu<'a> {
         self.device.submit(encoder);
         self.device.check()
     }
-}
-
-/// Sums of the columns of rows, in `f64`.
-fn totals(rows: &[[f32; 8]]) -> [f64; 8] {
-    rows.iter().fold([0.0; 8], |sum, row| std::array::from_fn(|k| sum[k] + f64::from(row[k])))
 }

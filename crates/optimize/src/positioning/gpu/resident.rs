@@ -4,17 +4,12 @@ use super::chunks::{Chunk, Chunks};
 use super::records::{Params, Settings};
 use crate::gpu::kernels::positioning::{self as kernels, POSITIONING};
 use crate::gpu::kernels::{Kernel, REDUCE};
+use crate::gpu::sums::{self, ROW_BYTES};
 use crate::gpu::{Bound, Device, GpuError, Pipelines};
 
-/// Rows of sums that the host adds in `f64` at most (source: `solver.md` §1.4).
-const HOST_ROWS: usize = 1024;
-/// Rows that one workgroup of the second stage sums at least: one a lane.
-const MIN_SPAN: usize = 64;
 /// vec4f of state and of a camera, as in `vectors.wgsl`.
 const STATE_VEC4: usize = 4;
 const SECTIONS: usize = 9;
-/// Bytes of a row of eight sums.
-pub(super) const ROW_BYTES: u64 = 32;
 
 /// What one dispatch of a kernel covers.
 #[derive(Clone, Copy)]
@@ -102,8 +97,8 @@ impl Resident {
         arrangement: &Chunks,
         settings: &Settings,
     ) -> Result<Self, GpuError> {
-        let span = arrangement.groups.div_ceil(HOST_ROWS).max(MIN_SPAN);
-        let rows = arrangement.groups.div_ceil(span);
+        let (span, rows) = sums::spans(arrangement.groups as u64);
+        let rows = rows as usize;
         let zeroed = |name, bytes: usize| device.zeroed(name, bytes as u64);
         let shared = SharedBuffers {
             settings: device.uniform("settings", &settings.words())?,
