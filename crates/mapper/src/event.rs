@@ -1,6 +1,9 @@
 //! What the pipeline tells the outside while it runs: one enum for the command line, the worker and the tests.
 
+use epipole_optimize::lm::Breath;
 use serde::Serialize;
+
+use crate::component::Component;
 
 /// A stage of the pipeline, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
@@ -114,6 +117,14 @@ pub trait Observer {
     /// Asked between units of work; after `true` the pipeline ends early and keeps what is finished.
     fn should_stop(&self) -> bool {
         false
+    }
+
+    /// The component at hand after a solve or a pass, to be drawn. `complete`: it will not change any more.
+    fn snapshot(&mut self, _component: &Component, _complete: bool) {}
+
+    /// Asked between units of work; what it gives is awaited. In a browser tab it lets messages in.
+    fn breathe(&mut self) -> Option<Breath> {
+        None
     }
 
     /// Seconds since any fixed moment, for stage times; a browser and a native program have different clocks.

@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 
 use epipole_optimize::Engine;
 use epipole_optimize::executor::block_on;
+use epipole_optimize::lm::Breath;
 use epipole_scene::statistics::Statistics;
 use epipole_scene::{Reconstruction, ViewGraph};
 
@@ -54,7 +55,8 @@ pub async fn reconstruct(
     })
     .await?;
     run.stage(Stage::RelativePose, 0, async |observer, _| {
-        let summary = relative_pose::run(&mut graph, &options.relative_pose, options.matches, options.seed, observer)?;
+        let summary =
+            relative_pose::run(&mut graph, &options.relative_pose, options.matches, options.seed, observer).await?;
         Ok(((), summary.to_string()))
     })
     .await?;
@@ -105,6 +107,7 @@ pub async fn reconstruct(
             Ok((component, report)) => {
                 let (images, points) = (component.reconstruction.images.len(), component.reconstruction.points.len());
                 run.observer.event(&Event::ComponentFinished { component: number, images, points });
+                run.observer.snapshot(&component, true);
                 reasons.clear(&component.graph_image);
                 finished.push((component, report));
             }
@@ -326,6 +329,9 @@ impl Run<'_> {
         work: impl AsyncFnOnce(&mut dyn Observer, &mut Engine) -> Result<(T, String), MapperError>,
     ) -> Result<T, MapperError> {
         self.observer.event(&Event::StageStarted { stage, component });
+        if let Some(breath) = self.observer.breathe() {
+            breath.await;
+        }
         let start = self.observer.now_seconds();
         let mut recorder = Recorder { inner: self.observer, warnings: &mut self.warnings };
         let (result, summary) = work(&mut recorder, self.engine).await?;
@@ -357,6 +363,14 @@ impl Observer for Recorder<'_> {
 
     fn should_stop(&self) -> bool {
         self.inner.should_stop()
+    }
+
+    fn snapshot(&mut self, component: &Component, complete: bool) {
+        self.inner.snapshot(component, complete);
+    }
+
+    fn breathe(&mut self) -> Option<Breath> {
+        self.inner.breathe()
     }
 
     fn now_seconds(&self) -> f64 {

@@ -144,6 +144,9 @@ pub struct LmReport {
     pub history: Vec<IterationRecord>,
 }
 
+/// A pause that the host of a solve asks for: in a browser tab, until messages have been read.
+pub type Breath = std::pin::Pin<Box<dyn Future<Output = ()>>>;
+
 /// Watches a solve.
 pub trait Observer {
     /// Called after every iteration.
@@ -153,6 +156,10 @@ pub trait Observer {
     /// Asked before every iteration.
     fn should_stop(&self) -> bool {
         false
+    }
+    /// Asked after every iteration; what it gives is awaited before the next.
+    fn breathe(&mut self) -> Option<Breath> {
+        None
     }
 }
 
@@ -259,6 +266,9 @@ pub async fn minimize<S: System>(system: &mut S, options: &LmOptions, observer: 
         }
         report.history.push(record);
         observer.iteration(&record);
+        if let Some(breath) = observer.breathe() {
+            breath.await;
+        }
         if let Some(termination) = end {
             report.termination = termination;
             break;

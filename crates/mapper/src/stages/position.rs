@@ -200,5 +200,6 @@ pub async fn run(
     filter::filter_triangulation_angle(reconstruction, options.min_triangulation_angle_deg.to_radians());
     filter::filter_normalized(reconstruction, options.max_normalized_error);
     component.normalize();
+    observer.snapshot(component, false);
     Ok(Summary { observations: report.observations, report, left_over, without_tracks })
 }

@@ -6,7 +6,7 @@ use epipole_geometry::camera::{Camera, MAX_PARAMS};
 use epipole_optimize::Engine;
 use epipole_optimize::bundle::{self, ParamPrior, PoseFreedom};
 use epipole_optimize::engine::Notice;
-use epipole_optimize::lm::{IterationRecord, LmReport};
+use epipole_optimize::lm::{Breath, IterationRecord, LmReport};
 use epipole_optimize::loss::Loss;
 use epipole_scene::filter;
 use serde::{Deserialize, Serialize};
@@ -154,6 +154,7 @@ pub async fn adjust(
     for (&p, &position) in adjusted.iter().zip(&problem.points) {
         reconstruction.points[p].position = position;
     }
+    observer.snapshot(component, false);
     Ok(report)
 }
 
@@ -187,6 +188,10 @@ impl epipole_optimize::lm::Observer for Forward<'_> {
 
     fn should_stop(&self) -> bool {
         self.observer.should_stop()
+    }
+
+    fn breathe(&mut self) -> Option<Breath> {
+        self.observer.breathe()
     }
 }
 

@@ -34,23 +34,32 @@ pub fn solve_with<T: Real>(
     options: &Options,
     observer: &mut dyn Observer,
 ) -> Result<LmReport, OptimizeError> {
+    block_on(solve_async::<T>(problem, options, observer))
+}
+
+/// As [`solve_with`], for a host that may not block: waits where the observer asks for a breath.
+pub async fn solve_async<T: Real>(
+    problem: &mut Problem,
+    options: &Options,
+    observer: &mut dyn Observer,
+) -> Result<LmReport, OptimizeError> {
     problem.validate()?;
     if problem.only_points_move() {
         return Ok(cpu::solve_points(problem, options, observer));
     }
     match &problem.depth {
-        Some(depth) if depth.is_any() => solve_rows::<T, { cpu::WITH_DEPTH }>(problem, options, observer),
-        _ => solve_rows::<T, { cpu::PIXELS }>(problem, options, observer),
+        Some(depth) if depth.is_any() => solve_rows::<T, { cpu::WITH_DEPTH }>(problem, options, observer).await,
+        _ => solve_rows::<T, { cpu::PIXELS }>(problem, options, observer).await,
     }
 }
 
-fn solve_rows<T: Real, const ROWS: usize>(
+async fn solve_rows<T: Real, const ROWS: usize>(
     problem: &mut Problem,
     options: &Options,
     observer: &mut dyn Observer,
 ) -> Result<LmReport, OptimizeError> {
     let mut system = cpu::CpuSystem::<T, ROWS>::new(problem, options)?;
-    let mut report = block_on(minimize(&mut system, &options.lm, observer));
+    let mut report = minimize(&mut system, &options.lm, observer).await;
     report.final_cost = system.write(problem);
     Ok(report)
 }

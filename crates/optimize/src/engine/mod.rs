@@ -49,7 +49,7 @@ impl Engine {
         observer: &mut dyn Observer,
     ) -> Result<LmReport, OptimizeError> {
         match self {
-            Self::Cpu => bundle::solve(problem, options, observer),
+            Self::Cpu => bundle::solve_async::<f64>(problem, options, observer).await,
             #[cfg(feature = "gpu")]
             Self::Gpu(engine) => engine.adjust(problem, options, observer).await,
         }

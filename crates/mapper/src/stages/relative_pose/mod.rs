@@ -102,7 +102,7 @@ enum Found {
 ///
 /// # Errors
 /// [`MapperError::Stopped`] when the observer asks to stop.
-pub fn run(
+pub async fn run(
     graph: &mut ViewGraph,
     options: &Options,
     matches: Matches,
@@ -122,6 +122,9 @@ pub fn run(
         }
         found.extend(parallel::map(chunk, |_, pair| find(graph, pair, options, matches, seed)));
         observer.event(&Event::Progress { stage: Stage::RelativePose, done: found.len(), total });
+        if let Some(breath) = observer.breathe() {
+            breath.await;
+        }
     }
     let mut summary = Summary::default();
     let mut pairs = Vec::with_capacity(total);

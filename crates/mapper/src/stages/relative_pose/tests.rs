@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use epipole_geometry::camera::CameraModel;
+use epipole_optimize::executor::block_on;
 use epipole_scene::PairConfig;
 use epipole_scene::ViewImage;
 use glam::{DQuat, DVec3};
@@ -71,12 +72,12 @@ fn poses_are_estimated_where_nothing_is_stored() {
     let (mut graph, poses) = graph(4, 12);
     graph.pairs[1].inliers[5] = [7, 4_000_000];
     let mut again = graph.clone();
-    let summary = run(&mut graph, &Options::default(), Matches::Verified, 0, &mut Silent).unwrap();
+    let summary = block_on(run(&mut graph, &Options::default(), Matches::Verified, 0, &mut Silent)).unwrap();
     assert_eq!((summary.estimated, graph.pairs.len()), (6, 6));
     for pair in &graph.pairs {
         assert!(rotation_error_deg(pair, &poses) < 0.2, "{}", rotation_error_deg(pair, &poses));
     }
-    run(&mut again, &Options::default(), Matches::Verified, 0, &mut Silent).unwrap();
+    block_on(run(&mut again, &Options::default(), Matches::Verified, 0, &mut Silent)).unwrap();
     let all = |g: &ViewGraph| g.pairs.iter().map(|p| p.cam2_from_cam1).collect::<Vec<_>>();
     assert_eq!(all(&graph), all(&again));
 }
@@ -93,11 +94,11 @@ fn stored_poses_stay_until_the_focal_length_changes() {
     graph.pairs[2].solver_cameras = [Some(solver.clone()), Some(solver)];
     let mut guessed = graph.clone();
     guessed.cameras[0].has_prior_focal = false;
-    let summary = run(&mut graph, &Options::default(), Matches::Verified, 0, &mut Silent).unwrap();
+    let summary = block_on(run(&mut graph, &Options::default(), Matches::Verified, 0, &mut Silent)).unwrap();
     assert_eq!((summary.stored, summary.estimated), (2, 1));
     assert_eq!(graph.pairs[0].cam2_from_cam1, Some(wrong));
     assert!(rotation_error_deg(&graph.pairs[2], &poses) < 0.2);
-    let summary = run(&mut guessed, &Options::default(), Matches::Verified, 0, &mut Silent).unwrap();
+    let summary = block_on(run(&mut guessed, &Options::default(), Matches::Verified, 0, &mut Silent)).unwrap();
     assert_eq!(summary.stored, 3);
 }
 
@@ -108,7 +109,7 @@ fn weak_and_hopeless_pairs_are_dropped() {
     graph.pairs[1].inliers.truncate(14);
     let scramble = |k: u32| [k, (k * 37 + 11) % NUM_POINTS as u32];
     graph.pairs[2].inliers = (0..NUM_POINTS as u32).map(scramble).collect();
-    let summary = run(&mut graph, &Options::default(), Matches::Verified, 0, &mut Silent).unwrap();
+    let summary = block_on(run(&mut graph, &Options::default(), Matches::Verified, 0, &mut Silent)).unwrap();
     assert_eq!((summary.weak, summary.without_pose, graph.pairs.len()), (2, 1, 3), "{summary}");
 }
 
@@ -119,7 +120,7 @@ fn raw_matches_are_verified_again() {
         pair.config = PairConfig::Undefined;
         pair.inliers.clear();
     }
-    let summary = run(&mut graph, &Options::default(), Matches::Raw, 3, &mut Silent).unwrap();
+    let summary = block_on(run(&mut graph, &Options::default(), Matches::Raw, 3, &mut Silent)).unwrap();
     assert_eq!(summary.estimated, 3);
     for pair in &graph.pairs {
         assert!(rotation_error_deg(pair, &poses) < 0.2);

@@ -122,6 +122,10 @@ pub async fn run(
     while summary.rounds < options.rounds && !observer.should_stop() {
         adjust(component, observer).await?;
         grow(component, &mut summary);
+        observer.snapshot(component, false);
+        if let Some(breath) = observer.breathe() {
+            breath.await;
+        }
         summary.filtered += filter(component, options.filter_max_error_px, options.filter_min_angle_deg);
         summary.rounds += 1;
         progress(observer, summary.rounds + 1);
