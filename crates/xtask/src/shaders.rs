@@ -14,9 +14,9 @@ const PLAYWRIGHT: &str = "playwright-core@1";
 /// Chromium on SwiftShader compiles all kernels in seconds; beyond this it hangs.
 const BROWSER_LIMIT: Duration = Duration::from_secs(180);
 const NPM_LIMIT: Duration = Duration::from_secs(180);
-/// What is built with wgpu, always together: for another set of packages cargo would build wgpu once more.
-pub(crate) const WITH_GPU: [&str; 7] =
-    ["--locked", "--package", "epipole-optimize", "--package", "epipole-tests", "--features", "gpu"];
+/// What is built with wgpu, always the whole workspace: for another set of packages cargo would build most dependencies
+/// once more. The tool that writes wasm's JavaScript is apart, only the page needs it.
+pub(crate) const WITH_GPU: [&str; 6] = ["--locked", "--workspace", "--exclude", "epipole-bindgen", "--features", "gpu"];
 const BROWSERS: [&str; 3] = ["/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"];
 
 #[derive(Args)]
