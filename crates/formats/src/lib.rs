@@ -15,6 +15,9 @@ mod number;
 pub mod ply;
 
 pub use atomic::atomic_write;
-pub use colmap::{ModelFormat, find_model_format, read_model, remove_model, write_model_binary, write_model_text};
-pub use database::{ReadOptions, read_database, write_database};
+pub use colmap::{
+    ModelFormat, find_model_format, model_files, read_model, read_model_files, remove_model, write_model_binary,
+    write_model_text,
+};
+pub use database::{RangedBytes, ReadOptions, read_database, read_ranged_database, write_database};
 pub use error::{FormatError, FormatWarning, Loaded, Location, Problem};

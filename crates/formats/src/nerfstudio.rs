@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::atomic::atomic_write;
 use crate::error::{FormatError, Location, Problem};
-use crate::ply::write_transformed_points;
+use crate::ply::transformed_points_file;
 
 /// What nerfstudio's own converter does to the world, `(x, y, z) → (x, z, −y)`: viewers there have z up.
 const APPLIED_TRANSFORM: [[f64; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0]];
@@ -64,6 +64,29 @@ struct Intrinsics {
 /// Camera models that nerfstudio cannot express, cameras of different kinds in one file, and whatever the file system
 /// refuses.
 pub fn write_nerfstudio(path: &Path, reconstruction: &Reconstruction, image_folder: &str) -> Result<(), FormatError> {
+    for (name, bytes) in files(path, reconstruction, image_folder)?.into_iter().rev() {
+        let path = if name == POINTS_FILE { path.with_file_name(POINTS_FILE) } else { path.to_owned() };
+        atomic_write(&path, |writer| writer.write_all(&bytes).map_err(|e| FormatError::io(&path, e)))?;
+    }
+    Ok(())
+}
+
+/// The files that [`write_nerfstudio`] writes, in memory: `transforms.json` and the points.
+///
+/// # Errors
+/// Camera models that nerfstudio cannot express, cameras of different kinds in one file.
+pub fn nerfstudio_files(
+    reconstruction: &Reconstruction,
+    image_folder: &str,
+) -> Result<[(&'static str, Vec<u8>); 2], FormatError> {
+    files(Path::new("transforms.json"), reconstruction, image_folder)
+}
+
+fn files(
+    path: &Path,
+    reconstruction: &Reconstruction,
+    image_folder: &str,
+) -> Result<[(&'static str, Vec<u8>); 2], FormatError> {
     let mut camera_model: Option<&'static str> = None;
     let mut frames = Vec::with_capacity(reconstruction.images.len());
     for image in &reconstruction.images {
@@ -96,12 +119,9 @@ pub fn write_nerfstudio(path: &Path, reconstruction: &Reconstruction, image_fold
         ply_file_path: POINTS_FILE,
         frames,
     };
-    write_transformed_points(&path.with_file_name(POINTS_FILE), reconstruction, applied)?;
-    atomic_write(path, |writer| {
-        let io = |e| FormatError::io(path, e);
-        serde_json::to_writer_pretty(&mut *writer, &transforms).map_err(|e| io(e.into()))?;
-        writer.write_all(b"\n").map_err(io)
-    })
+    let mut json = serde_json::to_vec_pretty(&transforms).map_err(|e| FormatError::io(path, e.into()))?;
+    json.push(b'\n');
+    Ok([("transforms.json", json), (POINTS_FILE, transformed_points_file(reconstruction, applied))])
 }
 
 fn applied(p: DVec3) -> DVec3 {

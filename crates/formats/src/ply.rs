@@ -25,14 +25,16 @@ pub struct PointCloud {
 /// # Errors
 /// Whatever the file system refuses.
 pub fn write_points(path: &Path, reconstruction: &Reconstruction) -> Result<(), FormatError> {
-    write_transformed_points(path, reconstruction, |p| p)
+    let bytes = points_file(reconstruction);
+    atomic_write(path, |writer| writer.write_all(&bytes).map_err(|e| FormatError::io(path, e)))
 }
 
-pub(crate) fn write_transformed_points(
-    path: &Path,
-    reconstruction: &Reconstruction,
-    transform: impl Fn(DVec3) -> DVec3,
-) -> Result<(), FormatError> {
+/// The file that [`write_points`] writes, in memory.
+pub fn points_file(reconstruction: &Reconstruction) -> Vec<u8> {
+    transformed_points_file(reconstruction, |p| p)
+}
+
+pub(crate) fn transformed_points_file(reconstruction: &Reconstruction, transform: impl Fn(DVec3) -> DVec3) -> Vec<u8> {
     let points = &reconstruction.points;
     let mut out = format!(
         "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n\
@@ -44,7 +46,7 @@ pub(crate) fn write_transformed_points(
         out.extend(transform(point.position).as_vec3().to_array().into_iter().flat_map(f32::to_le_bytes));
         out.extend(point.rgb);
     }
-    atomic_write(path, |writer| writer.write_all(&out).map_err(|e| FormatError::io(path, e)))
+    out
 }
 
 /// Reads the vertices of a PLY file.

@@ -82,18 +82,44 @@ pub fn read_model(folder: &Path) -> Result<Loaded<Reconstruction>, FormatError> 
         let advice = "give the folder that holds cameras, images and points3D, all .bin or all .txt (often sparse/0)";
         return Err(FormatError::invalid(Location::file(folder), problem, advice));
     };
-    let mut warnings = Warnings::default();
-    let read = |part: &str| -> Result<Option<Vec<u8>>, FormatError> {
-        let path = folder.join(format.file(part));
+    parse_model(folder, format, |name| {
+        let path = folder.join(name);
         match fs::read(&path) {
             Ok(bytes) => Ok(Some(bytes)),
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(None),
             Err(e) => Err(FormatError::io(&path, e)),
         }
-    };
+    })
+}
+
+/// As [`read_model`], from files in memory: their names without folder, and their bytes. `place` stands in messages.
+///
+/// # Errors
+/// As [`read_model`].
+pub fn read_model_files(place: &Path, files: &[(String, Vec<u8>)]) -> Result<Loaded<Reconstruction>, FormatError> {
+    let bytes = |name: &str| files.iter().find(|(n, _)| n.eq_ignore_ascii_case(name)).map(|(_, bytes)| bytes.clone());
+    let complete = |format: ModelFormat| PARTS[..3].iter().find(|part| bytes(&format.file(part)).is_none());
+    match [ModelFormat::Binary, ModelFormat::Text].into_iter().find(|&format| complete(format).is_none()) {
+        Some(format) => parse_model(place, format, |name| Ok(bytes(name))),
+        None => {
+            let binary = files.iter().any(|(name, _)| name.to_ascii_lowercase().ends_with(".bin"));
+            let format = if binary { ModelFormat::Binary } else { ModelFormat::Text };
+            let missing = format.file(complete(format).unwrap_or(&PARTS[0]));
+            let advice = "a model is cameras, images and points3D together, all .bin or all .txt";
+            Err(FormatError::invalid(Location::file(place), Problem::MissingFile(missing), advice))
+        }
+    }
+}
+
+fn parse_model(
+    folder: &Path,
+    format: ModelFormat,
+    read: impl Fn(&str) -> Result<Option<Vec<u8>>, FormatError>,
+) -> Result<Loaded<Reconstruction>, FormatError> {
+    let mut warnings = Warnings::default();
     let mut model = Model::default();
     for part in PARTS {
-        let Some(bytes) = read(part)? else { continue };
+        let Some(bytes) = read(&format.file(part))? else { continue };
         let place = Location::file(&folder.join(format.file(part)));
         match format {
             ModelFormat::Binary => binary_read::part(&mut model, part, &bytes, &place, &mut warnings)?,
@@ -151,6 +177,25 @@ pub fn remove_model(folder: &Path) -> Result<(), FormatError> {
     Ok(())
 }
 
+/// The files of a model in memory: names and bytes, as [`write_model_binary`] and [`write_model_text`] write them.
+///
+/// # Errors
+/// Names that cannot be stored and indices that refer to nothing.
+pub fn model_files(
+    reconstruction: &Reconstruction,
+    format: ModelFormat,
+) -> Result<Vec<(String, Vec<u8>)>, FormatError> {
+    let model = raw::View::new(Path::new("the model"), reconstruction)?;
+    Ok(PARTS.map(|part| (format.file(part), encode(&model, part, format))).into())
+}
+
+fn encode(model: &raw::View<'_>, part: &str, format: ModelFormat) -> Vec<u8> {
+    match format {
+        ModelFormat::Binary => binary_write::part(model, part),
+        ModelFormat::Text => text_write::part(model, part),
+    }
+}
+
 fn write_model(folder: &Path, reconstruction: &Reconstruction, format: ModelFormat) -> Result<(), FormatError> {
     let model = raw::View::new(folder, reconstruction)?;
     if let Some(parent) = folder.parent() {
@@ -160,11 +205,7 @@ fn write_model(folder: &Path, reconstruction: &Reconstruction, format: ModelForm
     let names = PARTS.map(|part| format.file(part));
     for (part, name) in PARTS.into_iter().zip(&names) {
         let path = staged.path().join(name);
-        let bytes = match format {
-            ModelFormat::Binary => binary_write::part(&model, part),
-            ModelFormat::Text => text_write::part(&model, part),
-        };
-        fs::write(&path, bytes).map_err(|e| FormatError::io(&folder.join(name), e))?;
+        fs::write(&path, encode(&model, part, format)).map_err(|e| FormatError::io(&folder.join(name), e))?;
     }
     replace_files(staged, folder, &ALL_FILES, &names.each_ref().map(String::as_str))
 }

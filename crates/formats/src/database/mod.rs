@@ -7,11 +7,13 @@ mod cameras;
 mod images;
 mod open;
 mod pairs;
+mod ranged;
 mod schema;
 mod verified;
 mod write;
 
 use std::path::Path;
+use std::rc::Rc;
 
 use epipole_scene::ViewGraph;
 
@@ -19,6 +21,7 @@ use crate::error::{FormatError, Loaded, Location, Problem, Warnings};
 use open::Source;
 
 pub(crate) use cameras::check as check_camera;
+pub use ranged::RangedBytes;
 pub use write::write_database;
 
 /// COLMAP's base of pair ids, and the bound of image ids.
@@ -37,10 +40,28 @@ pub struct ReadOptions {
 /// A file that is not an SQLite database or is cut off, missing tables or columns, no images, no usable camera or
 /// no keypoints at all. Single bad rows are dropped with a warning; see `Loaded::warnings`.
 pub fn read_database(path: &Path, options: &ReadOptions) -> Result<Loaded<ViewGraph>, FormatError> {
-    let source = Source::open(path)?;
+    read(&Source::open(path)?, options)
+}
+
+/// As [`read_database`], for a database that is read by ranges, with the bytes of its `-wal` sidecar if there is one.
+/// `name` stands in messages.
+///
+/// # Errors
+/// As [`read_database`].
+pub fn read_ranged_database(
+    name: &Path,
+    database: Rc<dyn RangedBytes>,
+    wal: Option<Rc<dyn RangedBytes>>,
+    options: &ReadOptions,
+) -> Result<Loaded<ViewGraph>, FormatError> {
+    read(&Source::open_ranged(name, database, wal)?, options)
+}
+
+fn read(source: &Source, options: &ReadOptions) -> Result<Loaded<ViewGraph>, FormatError> {
+    let path = source.path.as_path();
     let mut warnings = Warnings::default();
-    let cameras = cameras::read(&source, &mut warnings)?;
-    let mut images = images::read(&source, &cameras, &mut warnings)?;
+    let cameras = cameras::read(source, &mut warnings)?;
+    let mut images = images::read(source, &cameras, &mut warnings)?;
     if images.is_empty() {
         // Every image was dropped for a reason that has just been written down.
         if let Some(reason) = warnings.first() {
@@ -52,8 +73,8 @@ pub fn read_database(path: &Path, options: &ReadOptions) -> Result<Loaded<ViewGr
             "import or extract images first (`colmap feature_extractor`)",
         ));
     }
-    let keypoints = images::read_keypoints(&source, &mut images, &mut warnings)?;
-    let pairs = pairs::read(&source, &images, &keypoints, options, &mut warnings)?;
+    let keypoints = images::read_keypoints(source, &mut images, &mut warnings)?;
+    let pairs = pairs::read(source, &images, &keypoints, options, &mut warnings)?;
     if images.len() > 1 && pairs.is_empty() {
         warnings.push(
             Location::table(path, "two_view_geometries"),
@@ -61,7 +82,7 @@ pub fn read_database(path: &Path, options: &ReadOptions) -> Result<Loaded<ViewGr
             "nothing can be reconstructed; match the images and verify the matches (`colmap exhaustive_matcher`)",
         );
     }
-    warn_about_rigs(&source, &mut warnings)?;
+    warn_about_rigs(source, &mut warnings)?;
     Ok(Loaded { value: ViewGraph { cameras, images, pairs }, warnings: warnings.finish() })
 }
 

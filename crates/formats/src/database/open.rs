@@ -3,17 +3,21 @@
 use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 
 use rusqlite::config::DbConfig;
 use rusqlite::{Connection, ErrorCode, OpenFlags};
 use tempfile::TempDir;
 
+use super::ranged::{RangedBytes, Registered};
 use crate::error::{FormatError, Location, Problem};
 
 /// First bytes of every SQLite 3 file (source: sqlite.org/fileformat2.html §1.3).
 const MAGIC: &[u8; 16] = b"SQLite format 3\0";
 /// Length of the file header.
 const HEADER_BYTES: usize = 100;
+/// The database's name inside its own virtual file system.
+const FILE: &str = "database.db";
 
 /// A database that can be read.
 pub(crate) struct Source {
@@ -22,6 +26,8 @@ pub(crate) struct Source {
     pub(crate) path: PathBuf,
     /// Holds the copy when the database could not be read in place.
     _copy: Option<TempDir>,
+    /// Where the bytes come from when there is no file; dropped after the connection.
+    _ranges: Option<Registered>,
 }
 
 impl Source {
@@ -33,15 +39,48 @@ impl Source {
         let has_wal = fs::metadata(with_suffix(path, "-wal")).is_ok_and(|m| m.len() > 0);
         check_header(path, has_wal)?;
         let mut source = if !has_wal {
-            Self { connection: connect(path, true)?, path: path.to_owned(), _copy: None }
+            Self { connection: connect(path, true)?, path: path.to_owned(), _copy: None, _ranges: None }
         } else {
             match connect(path, false).and_then(|connection| probe(&connection, path).map(|()| connection)) {
-                Ok(connection) => Self { connection, path: path.to_owned(), _copy: None },
+                Ok(connection) => Self { connection, path: path.to_owned(), _copy: None, _ranges: None },
                 Err(_) => Self::open_copy(path)?,
             }
         };
         source.harden();
         probe(&source.connection, path)?;
+        Ok(source)
+    }
+
+    /// Opens a database that is read by ranges, with its write-ahead log where there is one. `name` is for messages.
+    pub(crate) fn open_ranged(
+        name: &Path,
+        database: Rc<dyn RangedBytes>,
+        wal: Option<Rc<dyn RangedBytes>>,
+    ) -> Result<Self, FormatError> {
+        let wal = wal.filter(|wal| !wal.is_empty());
+        let mut header = vec![0; HEADER_BYTES.min(database.len() as usize)];
+        database.read_at(0, &mut header).map_err(|source| FormatError::io(name, source))?;
+        check_start(name, database.len(), &header, wal.is_some())?;
+        let fail = |e: &dyn std::fmt::Display| {
+            let advice = "reload the page and try again";
+            FormatError::invalid(Location::file(name), Problem::Sqlite(e.to_string()), advice)
+        };
+        let has_wal = wal.is_some();
+        let files = [Some((FILE.to_owned(), database)), wal.map(|wal| (format!("{FILE}-wal"), wal))];
+        let ranges = Registered::new(files.into_iter().flatten()).map_err(|e| fail(&e))?;
+        let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX | OpenFlags::SQLITE_OPEN_URI;
+        let uri = if has_wal { format!("file:{FILE}") } else { format!("file:{FILE}?immutable=1") };
+        let connection = Connection::open_with_flags_and_vfs(uri, flags, ranges.name.as_str())
+            .map_err(|e| sqlite_error(Location::file(name), &e))?;
+        if has_wal {
+            // The index of the log then lives in memory instead of a shared file.
+            connection
+                .pragma_update(None, "locking_mode", "EXCLUSIVE")
+                .map_err(|e| sqlite_error(Location::file(name), &e))?;
+        }
+        let mut source = Self { connection, path: name.to_owned(), _copy: None, _ranges: Some(ranges) };
+        source.harden();
+        probe(&source.connection, name)?;
         Ok(source)
     }
 
@@ -54,7 +93,7 @@ impl Source {
         let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
         let connection =
             Connection::open_with_flags(&copy, flags).map_err(|e| sqlite_error(Location::file(path), &e))?;
-        Ok(Self { connection, path: path.to_owned(), _copy: Some(folder) })
+        Ok(Self { connection, path: path.to_owned(), _copy: Some(folder), _ranges: None })
     }
 
     /// Settings for untrusted files; each only adds checks, so a refusal changes nothing.
@@ -101,11 +140,17 @@ fn check_header(path: &Path, has_wal: bool) -> Result<(), FormatError> {
         let problem = Problem::WrongKind { expected: "a COLMAP database", reason: "it is a folder".into() };
         return Err(invalid(problem, "give the path of the database.db file"));
     }
-    if metadata.len() == 0 {
-        return Err(invalid(Problem::Empty, "create the database with `colmap feature_extractor` or copy it again"));
-    }
     let mut header = Vec::with_capacity(HEADER_BYTES);
     file.by_ref().take(HEADER_BYTES as u64).read_to_end(&mut header).map_err(io)?;
+    check_start(path, metadata.len(), &header, has_wal)
+}
+
+/// Refuses what cannot be a whole database by its length and first bytes.
+fn check_start(path: &Path, length: u64, header: &[u8], has_wal: bool) -> Result<(), FormatError> {
+    let invalid = |problem, advice: &str| FormatError::invalid(Location::file(path), problem, advice);
+    if length == 0 {
+        return Err(invalid(Problem::Empty, "create the database with `colmap feature_extractor` or copy it again"));
+    }
     let start = &header[..header.len().min(MAGIC.len())];
     if start != &MAGIC[..start.len()] {
         let reason = "it does not begin with SQLite's mark".into();
@@ -124,8 +169,8 @@ fn check_header(path: &Path, has_wal: bool) -> Result<(), FormatError> {
     };
     let pages = u64::from(u32::from_be_bytes([header[28], header[29], header[30], header[31]]));
     let expected = pages * page_bytes;
-    if !has_wal && header[24..28] == header[92..96] && expected > metadata.len() {
-        let problem = Problem::Truncated { expected, found: metadata.len() };
+    if !has_wal && header[24..28] == header[92..96] && expected > length {
+        let problem = Problem::Truncated { expected, found: length };
         return Err(invalid(problem, "copy the file again, with its -wal file if there is one"));
     }
     Ok(())

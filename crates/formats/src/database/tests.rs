@@ -384,3 +384,50 @@ proptest! {
         let _ = blob::camera(Some(&bytes), "camera1");
     }
 }
+
+/// Bytes in memory, which count how many were asked for.
+struct Counted(Vec<u8>, std::cell::Cell<usize>);
+
+impl RangedBytes for Counted {
+    fn len(&self) -> u64 {
+        self.0.len() as u64
+    }
+
+    fn read_at(&self, offset: u64, out: &mut [u8]) -> std::io::Result<()> {
+        self.1.set(self.1.get() + out.len());
+        out.copy_from_slice(&self.0[offset as usize..offset as usize + out.len()]);
+        Ok(())
+    }
+}
+
+#[test]
+fn ranges_give_what_the_file_gives_with_and_without_a_log() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("database.db");
+    write_database(&path, &graph()).expect("written");
+    let whole = counts(&read_database(&path, &ReadOptions::default()).expect("read").value);
+    let ranged = |database: Vec<u8>, wal: Option<Vec<u8>>| {
+        let of = |bytes| Rc::new(Counted(bytes, std::cell::Cell::new(0))) as Rc<dyn RangedBytes>;
+        read_ranged_database(Path::new("tab.db"), of(database), wal.map(of), &ReadOptions::default())
+    };
+    let read = |path: &Path| std::fs::read(path).expect("bytes");
+    assert_eq!(counts(&ranged(read(&path), None).expect("by ranges").value), whole);
+
+    // A change that is still in the log only.
+    let connection = Connection::open(&path).expect("open");
+    connection.pragma_update(None, "journal_mode", "WAL").expect("a log");
+    connection.pragma_update(None, "wal_autocheckpoint", 0).expect("no checkpoint");
+    connection.execute("UPDATE images SET name = 'renamed ' || image_id", []).expect("a change");
+    let (database, wal) = (read(&path), read(&folder.path().join("database.db-wal")));
+    let names = |loaded: Result<Loaded<ViewGraph>, FormatError>| loaded.expect("read").value.images[0].name.clone();
+    assert!(names(ranged(database.clone(), Some(wal))).starts_with("renamed"));
+    assert!(!names(ranged(database.clone(), None)).starts_with("renamed"));
+    drop(connection);
+
+    for bad in
+        [Vec::new(), b"not a database".to_vec(), database[..50].to_vec(), database[..database.len() / 2].to_vec()]
+    {
+        let error = ranged(bad, None).expect_err("refused").to_string();
+        assert!(error.contains("tab.db"), "{error}");
+    }
+}

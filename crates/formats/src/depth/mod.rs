@@ -3,6 +3,7 @@
 
 mod attach;
 mod colmap;
+mod exr;
 mod folder;
 mod npy;
 mod npz;
@@ -26,7 +27,7 @@ pub use write::{write_depth_npy, write_depth_png};
 use crate::error::{FormatError, Location, Problem};
 use raster::Raster;
 
-/// Reads a depth map: 16-bit grey PNG, npy or npz (f2, f4, f8, whole numbers; either order), TIFF of one channel,
+/// Reads a depth map: 16-bit grey PNG, npy or npz (f2, f4, f8, whole numbers; either order), TIFF of one channel, OpenEXR,
 /// or COLMAP's dense format. The kind is told from the content.
 ///
 /// `scale` is metres a unit; if not given, 0.001 for whole numbers and 1 for floating-point numbers. Of whole numbers, 0 and
@@ -60,10 +61,11 @@ fn parse(bytes: &[u8]) -> Result<Raster, Problem> {
         [0x93, b'N', b'U', b'M', ..] => npy::parse(bytes),
         [b'P', b'K', ..] => npz::parse(bytes),
         [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => tiff::parse(bytes),
+        [0x76, 0x2F, 0x31, 0x01, ..] => exr::parse(bytes),
         [b'0'..=b'9', ..] => colmap::parse(bytes),
         _ => Err(Problem::WrongKind {
             expected: "a depth map",
-            reason: "its first bytes are not those of a PNG, npy, npz, TIFF or dense COLMAP file".into(),
+            reason: "its first bytes are not those of a PNG, npy, npz, TIFF, OpenEXR or dense COLMAP file".into(),
         }),
     }
 }

@@ -80,6 +80,19 @@ fn tiff_files() -> Vec<Vec<u8>> {
     out.into_iter().map(Cursor::into_inner).collect()
 }
 
+fn exr_file(channels: &[(&str, &[f32; 6])], half: bool) -> Vec<u8> {
+    use ::exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image, WritableImage};
+    let samples = |values: &[f32]| match half {
+        true => FlatSamples::F16(values.iter().map(|&v| f16::from_f32(v)).collect()),
+        false => FlatSamples::F32(values.to_vec()),
+    };
+    let list = channels.iter().map(|(name, values)| AnyChannel::new(*name, samples(&values[..]))).collect();
+    let image = Image::from_channels((3, 2), AnyChannels::sort(list));
+    let mut out = Cursor::new(Vec::new());
+    image.write().to_buffered(&mut out).expect("written");
+    out.into_inner()
+}
+
 fn floats(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|v| v.to_le_bytes()).collect()
 }
@@ -117,6 +130,11 @@ fn arrays_of_every_type_and_order_read_the_same() {
     for (bytes, name) in tiff_files().into_iter().zip(["TIFF", "TIFF f8, LZW", "TIFF u2, deflated"]) {
         six(&parse(&bytes).expect(name));
     }
+    for (channel, half) in [("Z", false), ("Depth.V", true), ("anything", false)] {
+        six(&parse(&exr_file(&[(channel, &SIX)], half)).expect(channel));
+    }
+    six(&parse(&exr_file(&[("A", &[0.0; 6]), ("B", &[0.0; 6]), ("R", &[9.0; 6]), ("Z", &SIX)], false))
+        .expect("Z of many"));
 }
 
 #[test]
@@ -285,6 +303,7 @@ fn sound_files() -> Vec<Vec<u8>> {
     let mut colmap = b"9&7&1&".to_vec();
     colmap.extend(floats(map.values_m()));
     let mut files = tiff_files();
+    files.push(exr_file(&[("Z", &SIX)], false));
     files.extend([npz_file("depth.npy", &npy, 8), npz_file("depth.npy", &npy, 0), npy, colmap]);
     files.push(fs::read(&png).expect("read"));
     files
