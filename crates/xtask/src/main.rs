@@ -6,9 +6,11 @@ mod error;
 mod experiments;
 mod fixtures;
 mod process;
+mod serve;
 mod setup;
 mod shaders;
 mod test;
+mod web;
 
 use std::process::ExitCode;
 
@@ -38,6 +40,10 @@ enum Command {
     Fixtures,
     /// Checks every WebGPU kernel with Naga and compiles each in headless Chromium.
     Shaders(shaders::Arguments),
+    /// Builds the page: the engine as WebAssembly, and how large it is.
+    Web(web::Arguments),
+    /// Builds the page and serves it to this machine: the first thing to try.
+    Serve(serve::Arguments),
     /// Settles what can be settled about the GPU design on this machine: `docs/gpu-experiments.md`.
     Experiments(experiments::Arguments),
     /// Measures Epipole against pycolmap on the same inputs, in turn; `bench gpu` and `bench backends` need no peer.
@@ -54,6 +60,8 @@ fn main() -> ExitCode {
         Command::Fixtures => fixtures::regenerate(),
         Command::Shaders(arguments) => shaders::run(&arguments),
         Command::Experiments(arguments) => experiments::run(&arguments),
+        Command::Web(arguments) => web::build(&arguments),
+        Command::Serve(arguments) => serve::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
     };
     match result {

@@ -1,0 +1,21 @@
+//! The engine in a browser tab: what the page's worker calls, and nothing else. The same mapper as the command line.
+//!
+//! Everything here runs in one dedicated worker. Nothing blocks for long: the pipeline breathes between iterations, so
+//! that messages get in and a person can stop it.
+#![cfg(target_family = "wasm")]
+
+mod bytes;
+mod control;
+mod error;
+mod export;
+mod memory;
+mod observer;
+mod opened;
+mod panic;
+mod pictures;
+mod query;
+mod session;
+mod snapshot;
+
+pub use control::Control;
+pub use session::Session;

@@ -1,0 +1,109 @@
+//! Passes the run's events on to the page, and lets the page in between iterations.
+
+use epipole_mapper::{Component, Event, Observer};
+use epipole_optimize::lm::Breath;
+use js_sys::{Function, Promise};
+use wasm_bindgen::{JsCast, JsValue};
+use wasm_bindgen_futures::JsFuture;
+
+use crate::control::{Wish, Wishes};
+use crate::snapshot::Arrays;
+
+/// Pictures a second at most: more cannot be told apart, and each is copied.
+const SNAPSHOT_SECONDS: f64 = 0.1;
+/// Longest time between two breaths: a wish is answered within 200 ms (issue 5), and each breath costs a message.
+const BREATH_SECONDS: f64 = 0.05;
+/// Iterations and progress are sent at most this often; the last of a stage may be dropped, its end is not.
+const PROGRESS_SECONDS: f64 = 0.03;
+
+/// Sends `{ type: "event" | "snapshot", … }` through `send`, and awaits the promises of `breathe`.
+pub(crate) struct TabObserver {
+    pub(crate) wishes: Wishes,
+    send: Function,
+    breathe: Function,
+    component: usize,
+    finished: Arrays,
+    last_snapshot: f64,
+    last_breath: f64,
+    last_progress: f64,
+}
+
+/// Seconds since the worker started.
+pub(crate) fn now() -> f64 {
+    let clock = js_sys::Reflect::get(&js_sys::global(), &"performance".into()).unwrap_or(JsValue::UNDEFINED);
+    clock.dyn_into::<web_sys::Performance>().map_or(0.0, |clock| clock.now() / 1000.0)
+}
+
+impl TabObserver {
+    pub(crate) fn new(wishes: Wishes, send: Function, breathe: Function) -> Self {
+        Self {
+            wishes,
+            send,
+            breathe,
+            component: 0,
+            finished: Arrays::default(),
+            last_snapshot: f64::NEG_INFINITY,
+            last_breath: now(),
+            last_progress: f64::NEG_INFINITY,
+        }
+    }
+
+    /// A page that does not listen any more must not end the run.
+    fn send(&self, kind: &str, value: &JsValue) {
+        let _ = self.send.call2(&JsValue::NULL, &kind.into(), value);
+    }
+}
+
+impl Observer for TabObserver {
+    fn event(&mut self, event: &Event) {
+        if let Event::StageStarted { component, .. } = event {
+            self.component = *component;
+        }
+        if matches!(event, Event::Progress { .. }) {
+            let now = now();
+            if now - self.last_progress < PROGRESS_SECONDS {
+                return;
+            }
+            self.last_progress = now;
+        }
+        if let Ok(value) = serde_wasm_bindgen::to_value(event) {
+            self.send("event", &value);
+        }
+    }
+
+    fn should_stop(&self) -> bool {
+        self.wishes.get() != Wish::GoOn
+    }
+
+    fn now_seconds(&self) -> f64 {
+        now()
+    }
+
+    fn snapshot(&mut self, component: &Component, complete: bool) {
+        let now = now();
+        if !complete && now - self.last_snapshot < SNAPSHOT_SECONDS {
+            return;
+        }
+        self.last_snapshot = now;
+        let mut arrays = self.finished.clone();
+        arrays.push(self.component, &component.reconstruction, |k| component.graph_image[k]);
+        if let Ok(value) = arrays.to_js(false) {
+            self.send("snapshot", &value);
+        }
+        if complete {
+            self.finished = arrays;
+        }
+    }
+
+    fn breathe(&mut self) -> Option<Breath> {
+        let now = now();
+        if now - self.last_breath < BREATH_SECONDS {
+            return None;
+        }
+        self.last_breath = now;
+        let promise = self.breathe.call0(&JsValue::NULL).ok()?.dyn_into::<Promise>().ok()?;
+        Some(Box::pin(async move {
+            let _ = JsFuture::from(promise).await;
+        }))
+    }
+}

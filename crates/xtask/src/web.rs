@@ -1,0 +1,138 @@
+//! `cargo xtask web`: the engine as WebAssembly with what the page needs beside it, and how large it is.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Duration;
+
+use clap::Args;
+
+use crate::error::Error;
+use crate::process::{self, cargo, output, root, run, run_within, target_dir};
+
+const TARGET: &str = "wasm32-unknown-unknown";
+const PROFILE: &str = "web";
+/// rustup can hang for minutes before it succeeds or gives up.
+const RUSTUP_LIMIT: Duration = Duration::from_secs(180);
+const NPM_LIMIT: Duration = Duration::from_secs(180);
+/// SQLite is C: any clang that knows wasm compiles it, with its archiver.
+const CLANGS: [(&str, &str); 4] =
+    [("clang-19", "llvm-ar-19"), ("clang-18", "llvm-ar-18"), ("clang-16", "llvm-ar-16"), ("clang", "llvm-ar")];
+/// All that a first visit loads, compressed (issue 5).
+const LIMIT_BYTES: u64 = 1_000_000;
+
+#[derive(Args)]
+pub(crate) struct Arguments {
+    /// Leave out wasm-opt: builds faster, a quarter larger.
+    #[arg(long)]
+    quick: bool,
+}
+
+/// What the page loads beside its own modules, made by the build and never committed.
+pub(crate) fn vendor() -> PathBuf {
+    root().join("web/vendor")
+}
+
+pub(crate) fn build(arguments: &Arguments) -> Result<(), Error> {
+    target()?;
+    let (clang, archiver) = clang()?;
+    let mut build = cargo(&["build", "--locked", "-p", "epipole-web", "--target", TARGET, "--profile", PROFILE]);
+    build.env("CC_wasm32_unknown_unknown", clang).env("AR_wasm32_unknown_unknown", archiver);
+    // Flags of the native build must not leak into this one.
+    build.env_remove("RUSTFLAGS");
+    run(&mut build, "")?;
+    let folder = vendor();
+    fs::create_dir_all(&folder).map_err(|source| Error::Io { path: folder.clone(), source })?;
+    let module = target_dir().join(TARGET).join(PROFILE).join("epipole_web.wasm");
+    let mut bindgen = cargo(&["run", "--locked", "--release", "-p", "epipole-bindgen", "--"]);
+    run(bindgen.arg(&module).arg(&folder), "")?;
+    packages()?;
+    for file in ["uPlot.esm.js", "uPlot.min.css"] {
+        copy(&modules().join("uplot/dist").join(file), &folder.join(file))?;
+    }
+    copy(&modules().join("uplot/dist/uPlot.d.ts"), &folder.join("uPlot.esm.d.ts"))?;
+    copy(&root().join("tests/fixtures/orbit/database.db"), &folder.join("sample.db"))?;
+    let wasm = folder.join("epipole_web_bg.wasm");
+    if !arguments.quick {
+        // No feature flags: the module says itself what it uses, and more is refused by browsers.
+        let small = folder.join("small.wasm.tmp");
+        let mut opt = Command::new("node");
+        opt.arg(modules().join("binaryen/bin/wasm-opt")).args(["-O2", "-o"]).arg(&small).arg(&wasm);
+        run(&mut opt, "")?;
+        fs::rename(&small, &wasm).map_err(|source| Error::Io { path: wasm.clone(), source })?;
+    }
+    report()
+}
+
+fn copy(from: &Path, to: &Path) -> Result<(), Error> {
+    fs::copy(from, to).map(|_| ()).map_err(|source| Error::Io { path: from.to_owned(), source })
+}
+
+/// The npm packages of `web/package.json`.
+pub(crate) fn modules() -> PathBuf {
+    root().join("web/node_modules")
+}
+
+pub(crate) fn packages() -> Result<(), Error> {
+    if modules().join("uplot").exists() && modules().join("playwright-core").exists() {
+        return Ok(());
+    }
+    if output("npm", &["--version"]).is_none() {
+        return Err(Error::Missing("there is no npm; install node 20 or newer".into()));
+    }
+    let mut npm = Command::new("npm");
+    npm.args(["ci", "--no-audit", "--no-fund"]).current_dir(root().join("web"));
+    run_within(&mut npm, NPM_LIMIT, "the npm registry must be reachable once")
+}
+
+fn target() -> Result<(), Error> {
+    let present = || {
+        let sysroot = output("rustc", &["--print", "sysroot"]).unwrap_or_default();
+        Path::new(&sysroot).join("lib/rustlib").join(TARGET).exists()
+    };
+    if present() {
+        return Ok(());
+    }
+    let advice = "where no target can be downloaded, Debian's rustc-web and rust-web-src build it from source \
+                  (shared/toolchain.md)";
+    println!("the compiler cannot make WebAssembly yet: asking rustup, which can take minutes");
+    let add = || run_within(Command::new("rustup").args(["target", "add", TARGET]), RUSTUP_LIMIT, advice);
+    add().or_else(|_| add())
+}
+
+/// A clang for SQLite, installed where this is Debian and we may.
+fn clang() -> Result<(&'static str, &'static str), Error> {
+    let find = || {
+        let there = |(clang, archiver): &&(&str, &str)| {
+            output(clang, &["--version"]).is_some() && output(archiver, &["--version"]).is_some()
+        };
+        CLANGS.iter().find(there).copied()
+    };
+    if let Some(found) = find() {
+        return Ok(found);
+    }
+    let advice = "on Debian `sudo apt-get install --no-install-recommends clang-19 llvm-19`";
+    let missing = || Error::Missing(format!("SQLite needs clang and llvm-ar to become WebAssembly; {advice}"));
+    if output("id", &["-u"]).as_deref() != Some("0") || output("apt-get", &["--version"]).is_none() {
+        return Err(missing());
+    }
+    let apt = |arguments: &[&str]| {
+        process::run(Command::new("apt-get").args(arguments).env("DEBIAN_FRONTEND", "noninteractive"), advice)
+    };
+    apt(&["update"])?;
+    apt(&["install", "-y", "--no-install-recommends", "clang-19", "llvm-19"])?;
+    find().ok_or_else(missing)
+}
+
+/// Sizes of everything a first visit loads, as it is and compressed.
+fn report() -> Result<(), Error> {
+    let script = root().join("crates/xtask/js/page_size.mjs");
+    let sizes = output("node", &[&script.to_string_lossy(), &root().to_string_lossy()])
+        .ok_or_else(|| Error::Missing("node could not measure the page".into()))?;
+    println!("{sizes}");
+    let total = sizes.lines().last().and_then(|line| line.split_whitespace().last()?.parse::<u64>().ok()).unwrap_or(0);
+    if total == 0 || total > LIMIT_BYTES {
+        return Err(Error::Missing(format!("the page takes {total} bytes compressed; it may take {LIMIT_BYTES}")));
+    }
+    Ok(())
+}

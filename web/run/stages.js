@@ -1,0 +1,95 @@
+// The list of stages with counts and times, one bar, and one line on what is going on.
+
+import { el, hide } from "../ui/dom.js";
+import { count, duration, short } from "../ui/format.js";
+
+/** Stages in order, by the names of the mapper's events. */
+export const STAGES = /** @type {const} */ ([
+  ["calibrate", "View-graph calibration"],
+  ["relative_pose", "Relative poses"],
+  ["rotation", "Rotation averaging"],
+  ["tracks", "Tracks"],
+  ["position", "Global positioning"],
+  ["refine", "Bundle adjustment"],
+  ["retriangulate", "Retriangulation"],
+  ["finish", "Colours and errors"],
+]);
+
+/** Share of a run that each stage takes, from the benchmark scenes: what the bar is drawn by. */
+const SHARE = { calibrate: 0.03, relative_pose: 0.2, rotation: 0.05, tracks: 0.04, position: 0.14, refine: 0.26, retriangulate: 0.25, finish: 0.03 };
+
+export function stageList() {
+  const items = new Map(STAGES.map(([id, name]) => {
+    const mark = el("i", { class: "mark" });
+    const label = el("span", {}, name);
+    const time = el("span", { class: "quiet" });
+    return [/** @type {string} */ (id), { node: el("li", { "data-state": "waiting" }, mark, label, time), label, time, name: /** @type {string} */ (name) }];
+  }));
+  const list = el("ol", { class: "stages", "aria-label": "Stages" }, ...[...items.values()].map(({ node }) => node));
+  const bar = el("progress", { max: 1, value: 0, "aria-label": "Progress" });
+  const now = el("p", { class: "quiet now", "aria-live": "off" });
+  const node = el("div", { class: "block" }, list, bar, now);
+  let before = 0;
+  let within = 0;
+  let started = 0;
+  let paused = 0;
+
+  const progress = () => Math.min(1, before + within);
+
+  return {
+    node,
+    reset() {
+      for (const { node: item, label, time, name } of items.values()) {
+        item.dataset.state = "waiting";
+        label.textContent = name;
+        time.textContent = "";
+      }
+      [before, within, started, paused] = [0, 0, performance.now(), 0];
+      bar.value = 0;
+      now.textContent = "";
+      hide(bar, false);
+    },
+    /** @param {number} ms time that does not count */
+    waited(ms) {
+      paused += ms;
+    },
+    /** Seconds so far, and those left as far as the stages so far allow a guess. */
+    clock() {
+      const elapsed = (performance.now() - started - paused) / 1000;
+      const done = progress();
+      return { elapsed, left: done > 0.08 && elapsed > 2 ? (elapsed * (1 - done)) / done : null };
+    },
+    /** @param {import("../engine/protocol.js").MapperEvent} event */
+    event(event) {
+      if (!("stage" in event)) return;
+      const item = items.get(event.stage);
+      if (!item) return;
+      const share = SHARE[/** @type {keyof typeof SHARE} */ (event.stage)] ?? 0;
+      if (event.event === "stage_started") {
+        item.node.dataset.state = "running";
+        // Later components go through the same stages again: the bar does not go back.
+        const index = STAGES.findIndex(([id]) => id === event.stage);
+        before = Math.max(before, STAGES.slice(0, index).reduce((sum, [id]) => sum + SHARE[id], 0));
+        within = 0;
+        now.textContent = `${item.name}${event.component > 0 ? ` of model ${event.component + 1}` : ""}`;
+      } else if (event.event === "progress") {
+        within = event.total > 0 ? share * Math.min(1, event.done / event.total) : 0;
+        now.textContent = `${item.name}: ${count(event.done)} of ${count(event.total)}`;
+      } else if (event.event === "iteration") {
+        now.textContent = `${item.name}: iteration ${event.iteration} · ${count(event.active_observations)} observations · λ ${short(event.damping)}`;
+      } else if (event.event === "stage_finished") {
+        item.node.dataset.state = "done";
+        item.node.title = event.summary;
+        item.time.textContent = duration(event.seconds);
+        within = share;
+      }
+      bar.value = progress();
+    },
+    /** @param {string} text @param {boolean} complete */
+    finish(text, complete) {
+      if (complete) bar.value = 1;
+      for (const { node: item } of items.values()) if (item.dataset.state === "running") item.dataset.state = complete ? "done" : "waiting";
+      now.textContent = text;
+    },
+  };
+}

@@ -1,0 +1,120 @@
+// Draws points and frusta with WebGL 2, which is there also where WebGPU is not.
+
+import { FRUSTUM, LINES, POINTS, link } from "./programs.js";
+
+export class Renderer {
+  /** @param {OffscreenCanvas} canvas */
+  constructor(canvas) {
+    const gl = canvas.getContext("webgl2", { antialias: true, alpha: false, powerPreference: "high-performance" });
+    if (!gl) throw new Error("this browser offers no WebGL 2: the scene cannot be drawn, everything else works");
+    this.gl = gl;
+    this.canvas = canvas;
+    /** @type {[number, number, number]} */ this.background = [0.04, 0.05, 0.06];
+    this.pointSize = 2;
+    this.frustumSize = 1;
+    this.selectedPoint = -1;
+    this.numPoints = 0;
+    this.numCameras = 0;
+    this.on = this.build();
+  }
+
+  /** After a lost context. */
+  restore() {
+    this.on = this.build();
+  }
+
+  /** Everything that lives on the device. */
+  build() {
+    const gl = this.gl;
+    const points = link(gl, POINTS);
+    const lines = link(gl, LINES);
+    const [position, color, pose, shape, cameraColor] = [0, 1, 2, 3, 4].map(() => gl.createBuffer());
+    const cornerBuffer = gl.createBuffer();
+    /** @param {WebGLBuffer|null} buffer @param {number} location @param {number} size @param {number} type @param {boolean} normalized @param {number} stride @param {number} offset @param {number} divisor */
+    const attribute = (buffer, location, size, type, normalized, stride, offset, divisor) => {
+      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+      gl.enableVertexAttribArray(location);
+      gl.vertexAttribPointer(location, size, type, normalized, stride, offset);
+      gl.vertexAttribDivisor(location, divisor);
+    };
+    const pointArray = gl.createVertexArray();
+    gl.bindVertexArray(pointArray);
+    attribute(position, 0, 3, gl.FLOAT, false, 0, 0, 0);
+    attribute(color, 1, 4, gl.UNSIGNED_BYTE, true, 0, 0, 0);
+    const lineArray = gl.createVertexArray();
+    gl.bindVertexArray(lineArray);
+    gl.bindBuffer(gl.ARRAY_BUFFER, cornerBuffer);
+    gl.bufferData(gl.ARRAY_BUFFER, FRUSTUM, gl.STATIC_DRAW);
+    attribute(cornerBuffer, 0, 3, gl.FLOAT, false, 0, 0, 0);
+    for (const row of [0, 1, 2]) attribute(pose, 1 + row, 4, gl.FLOAT, false, 48, 16 * row, 1);
+    attribute(shape, 4, 4, gl.FLOAT, false, 0, 0, 1);
+    attribute(cameraColor, 5, 4, gl.UNSIGNED_BYTE, true, 0, 0, 1);
+    gl.bindVertexArray(null);
+    gl.enable(gl.DEPTH_TEST);
+    /** @param {WebGLProgram} program @param {string[]} names */
+    const uniforms = (program, names) => Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(program, name)]));
+    return {
+      points, lines, position, color, pose, shape, cameraColor, pointArray, lineArray,
+      pointUniforms: uniforms(points, ["clip_from_world", "size_px", "selected"]),
+      lineUniforms: uniforms(lines, ["clip_from_world", "size"]),
+    };
+  }
+
+  /** @param {WebGLBuffer|null} buffer @param {ArrayBufferView} data */
+  upload(buffer, data) {
+    const gl = this.gl;
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+    gl.bufferData(gl.ARRAY_BUFFER, data, gl.DYNAMIC_DRAW);
+  }
+
+  /** @param {Float32Array} positions @param {Uint8Array} colors rgba */
+  setPoints(positions, colors) {
+    this.numPoints = positions.length / 3;
+    this.upload(this.on.position, positions);
+    this.upload(this.on.color, colors);
+  }
+
+  /** @param {Uint8Array} colors rgba */
+  setPointColors(colors) {
+    this.upload(this.on.color, colors);
+  }
+
+  /** @param {Float32Array} poses @param {Float32Array} shapes @param {Uint8Array} colors rgba */
+  setCameras(poses, shapes, colors) {
+    this.numCameras = poses.length / 12;
+    this.upload(this.on.pose, poses);
+    this.upload(this.on.shape, shapes);
+    this.upload(this.on.cameraColor, colors);
+  }
+
+  /** @param {Uint8Array} colors rgba */
+  setCameraColors(colors) {
+    this.upload(this.on.cameraColor, colors);
+  }
+
+  /** @param {Float32Array} clipFromWorld */
+  draw(clipFromWorld) {
+    const gl = this.gl;
+    if (gl.isContextLost()) return;
+    gl.viewport(0, 0, this.canvas.width, this.canvas.height);
+    gl.clearColor(...this.background, 1);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    const { on } = this;
+    if (this.numPoints > 0) {
+      gl.useProgram(on.points);
+      gl.uniformMatrix4fv(on.pointUniforms.clip_from_world, false, clipFromWorld);
+      gl.uniform1f(on.pointUniforms.size_px, this.pointSize);
+      gl.uniform1i(on.pointUniforms.selected, this.selectedPoint);
+      gl.bindVertexArray(on.pointArray);
+      gl.drawArrays(gl.POINTS, 0, this.numPoints);
+    }
+    if (this.numCameras > 0 && this.frustumSize > 0) {
+      gl.useProgram(on.lines);
+      gl.uniformMatrix4fv(on.lineUniforms.clip_from_world, false, clipFromWorld);
+      gl.uniform1f(on.lineUniforms.size, this.frustumSize);
+      gl.bindVertexArray(on.lineArray);
+      gl.drawArraysInstanced(gl.LINES, 0, FRUSTUM.length / 3, this.numCameras);
+    }
+    gl.bindVertexArray(null);
+  }
+}

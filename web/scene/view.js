@@ -1,0 +1,53 @@
+// The page's end of the scene's worker: input goes in, what was picked comes out.
+
+import { policedWorker } from "../engine/client.js";
+
+export class View {
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {{ shown: (points: number, legend: import("./colors.js").Legend) => void, unavailable: (message: string) => void }} told
+   */
+  constructor(canvas, told) {
+    this.canvas = canvas;
+    this.worker = policedWorker("../scene/worker.js");
+    /** @type {Map<number, (hit: {point: number|null, image: number|null}) => void>} */
+    this.picks = new Map();
+    this.worker.onmessage = ({ data }) => {
+      if (data.type === "shown") told.shown(data.points, data.legend);
+      else if (data.type === "unavailable") told.unavailable(data.message);
+      else if (data.type === "picked") {
+        this.picks.get(data.id)?.(data);
+        this.picks.delete(data.id);
+      }
+    };
+    const offscreen = canvas.transferControlToOffscreen();
+    this.worker.postMessage({ type: "start", canvas: offscreen }, [offscreen]);
+    new ResizeObserver(() => this.resize()).observe(canvas);
+    this.resize();
+  }
+
+  resize() {
+    const { width, height } = this.canvas.getBoundingClientRect();
+    this.send({ type: "resize", width, height, ratio: Math.min(devicePixelRatio || 1, 2) });
+  }
+
+  /** @param {any} message @param {Transferable[]} [transfer] */
+  send(message, transfer = []) {
+    this.worker.postMessage(message, transfer);
+  }
+
+  /** @param {import("../engine/protocol.js").Snapshot} snapshot its arrays move to the worker */
+  show(snapshot) {
+    const arrays = Object.values(snapshot).filter((value) => ArrayBuffer.isView(value)).map((value) => value.buffer);
+    this.send({ type: "snapshot", snapshot }, [...new Set(arrays)]);
+  }
+
+  /** @param {number} x @param {number} y CSS px @returns {Promise<{point: number|null, image: number|null}>} */
+  pick(x, y) {
+    const id = (this.lastPick = (this.lastPick ?? 0) + 1);
+    return new Promise((resolve) => {
+      this.picks.set(id, resolve);
+      this.send({ type: "pick", id, x, y });
+    });
+  }
+}

@@ -1,0 +1,68 @@
+// What the page knows, in one place: panels read it and are told which part changed.
+
+/**
+ * @typedef {import("./engine/protocol.js").Opened} Opened
+ * @typedef {import("./engine/protocol.js").Report} Report
+ * @typedef {import("./engine/protocol.js").Failure} Failure
+ * @typedef {"empty"|"opening"|"ready"|"running"|"paused"|"stopping"|"done"} Phase
+ * @typedef {{ kind: "image"|"point"|"pair"|"none", image?: number, other?: number, point?: number }} Selection
+ *
+ * @typedef {object} State
+ * @property {Phase} phase
+ * @property {Opened|null} opened what was read from the database or model
+ * @property {Report|null} report of the finished run
+ * @property {Failure[]} problems refusals and warnings that are shown
+ * @property {Selection} selection
+ * @property {number|null} component that is shown; null: all
+ * @property {{maxErrorPx: number, minTrack: number}} filter of view and export alike
+ * @property {string} imageFilter which thumbnails: all, placed, weak, missing
+ */
+
+/** @returns {State} */
+const fresh = () => ({
+  phase: "empty",
+  opened: null,
+  report: null,
+  problems: [],
+  selection: { kind: "none" },
+  component: null,
+  filter: { maxErrorPx: Infinity, minTrack: 2 },
+  imageFilter: "all",
+});
+
+export class Store {
+  constructor() {
+    /** @type {State} */
+    this.state = fresh();
+    /** @type {Map<string, Set<() => void>>} */
+    this.listeners = new Map();
+  }
+
+  /** Calls `listener` when one of the parts changes. @param {(keyof State)[]} parts @param {() => void} listener */
+  on(parts, listener) {
+    for (const part of parts) {
+      const set = this.listeners.get(part) ?? new Set();
+      set.add(listener);
+      this.listeners.set(part, set);
+    }
+  }
+
+  /** @param {Partial<State>} change */
+  set(change) {
+    const called = new Set();
+    Object.assign(this.state, change);
+    for (const part of Object.keys(change)) {
+      for (const listener of this.listeners.get(part) ?? []) {
+        if (!called.has(listener)) {
+          called.add(listener);
+          listener();
+        }
+      }
+    }
+  }
+
+  /** Forgets the scene, so that nothing of it leaks into the next. */
+  reset() {
+    this.set(fresh());
+  }
+}
