@@ -62,15 +62,18 @@
  *   | { type: "residuals", image: number }
  *   | { type: "track", point: number }
  *   | { type: "export", formats: string[], component: number|null, filter: {maxErrorPx: number, minTrack: number}, settings: Record<string, any> }
+ *   | { type: "memory" }
  *   | { type: "close" }} Command
  *
  * Sent at any time, not answered.
  * @typedef {{ type: "pause" } | { type: "resume" } | { type: "stop" } | { type: "cancel" }} Signal
  *
  * Sent by the worker on its own.
- * @typedef {{ type: "ready", adapter: Adapter } | { type: "event", event: MapperEvent } | { type: "snapshot", snapshot: Snapshot }
+ * @typedef {{ type: "ready", adapter: Adapter } | { type: "backend", adapter: Adapter } | { type: "event", event: MapperEvent } | { type: "snapshot", snapshot: Snapshot }
  *   | { type: "panic", message: string }} Message
  *
+ * Where things are computed: with `ready` what this browser offers, with `backend` what the run that begins has taken.
+ * `none` is the processor.
  * @typedef {{ kind: "gpu"|"software"|"none", name: string, why: string }} Adapter
  */
 

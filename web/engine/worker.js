@@ -1,6 +1,7 @@
-// Owns the engine: wasm, files, and later the GPU device. The page talks to it by messages only.
+// Owns the engine: wasm, files and the GPU device. The page talks to it by messages only.
 
 import init, { Session } from "../vendor/epipole_web.js";
+import { findAdapter } from "./adapter.js";
 
 /** @typedef {import("./protocol.js").Entry} Entry */
 
@@ -61,11 +62,11 @@ const commands = {
   pictures({ entries }) {
     for (const { path, file } of /** @type {Entry[]} */ (entries)) session.addPicture(path, file);
   },
-  async solve({ settings }) {
+  async solve({ settings, backend }) {
     paused = false;
     control = session.control();
     try {
-      return await session.solve(settings, send, breathe);
+      return await session.solve(settings, backend ?? "auto", send, breathe);
     } finally {
       control.free();
       control = null;
@@ -78,12 +79,17 @@ const commands = {
   export: ({ formats, component, filter, settings }) =>
     session.export(formats, component ?? undefined, { minTrack: filter.minTrack, maxErrorPx: Number.isFinite(filter.maxErrorPx) ? filter.maxErrorPx : undefined }, settings),
   close: fresh,
+  memory: async () => (await started).memory.buffer.byteLength,
 };
 
 /** @param {string} kind @param {any} value */
 function send(kind, value) {
   if (kind === "event") {
     postMessage({ type: "event", event: value });
+    return;
+  }
+  if (kind === "backend") {
+    postMessage({ type: "backend", adapter: value });
     return;
   }
   const arrays = Object.values(value).filter((part) => ArrayBuffer.isView(part)).map((part) => part.buffer);
@@ -116,9 +122,9 @@ addEventListener("message", async ({ data }) => {
 });
 
 started.then(
-  () => {
+  async () => {
     fresh();
-    postMessage({ type: "ready", adapter: { kind: "none", name: "processor", why: "Computing on the processor of this machine." } });
+    postMessage({ type: "ready", adapter: await findAdapter() });
   },
   (error) => postMessage({ type: "panic", message: `the engine could not start: ${error?.message ?? error}` }),
 );

@@ -157,7 +157,7 @@ pub trait Observer {
     fn should_stop(&self) -> bool {
         false
     }
-    /// Asked after every iteration; what it gives is awaited before the next.
+    /// Asked between the parts of an iteration; what it gives is awaited before the next.
     fn breathe(&mut self) -> Option<Breath> {
         None
     }
@@ -165,6 +165,30 @@ pub trait Observer {
 
 /// Watches nothing.
 impl Observer for () {}
+
+/// Awaits the pause that an observer asks for, if it does.
+pub async fn breath(observer: &mut dyn Observer) {
+    if let Some(breath) = observer.breathe() {
+        breath.await;
+    }
+}
+
+/// An observer for a caller that blocks: whoever should keep the promise of a breath would wait for that caller.
+pub(crate) struct Blocking<'a>(pub(crate) &'a mut dyn Observer);
+
+impl Observer for Blocking<'_> {
+    fn iteration(&mut self, record: &IterationRecord) {
+        self.0.iteration(record);
+    }
+
+    fn notice(&mut self, notice: &Notice) {
+        self.0.notice(notice);
+    }
+
+    fn should_stop(&self) -> bool {
+        self.0.should_stop()
+    }
+}
 
 /// Gains above this say no more about the model, and would make the cubic of Nielsen's rule leap.
 const GAIN_CLIP: f64 = 1.5;
@@ -204,6 +228,7 @@ pub async fn minimize<S: System>(system: &mut S, options: &LmOptions, observer: 
         if !linearized {
             system.linearize().await;
             linearized = true;
+            breath(observer).await;
         }
         report.iterations += 1;
         let mut record = IterationRecord {
@@ -217,6 +242,7 @@ pub async fn minimize<S: System>(system: &mut S, options: &LmOptions, observer: 
         };
         let mut end = None;
         let step = system.solve(lambda).await;
+        breath(observer).await;
         let mut decrease = f64::NAN;
         if let Some(step) = step {
             record.inner_iterations = step.inner_iterations;
@@ -266,9 +292,7 @@ pub async fn minimize<S: System>(system: &mut S, options: &LmOptions, observer: 
         }
         report.history.push(record);
         observer.iteration(&record);
-        if let Some(breath) = observer.breathe() {
-            breath.await;
-        }
+        breath(observer).await;
         if let Some(termination) = end {
             report.termination = termination;
             break;

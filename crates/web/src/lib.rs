@@ -4,6 +4,7 @@
 //! that messages get in and a person can stop it.
 #![cfg(target_family = "wasm")]
 
+mod backend;
 mod bytes;
 mod control;
 mod error;

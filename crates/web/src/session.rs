@@ -5,12 +5,12 @@ use std::rc::Rc;
 
 use epipole_formats::{FormatWarning, ReadOptions, read_model_files, read_ranged_database};
 use epipole_mapper::{MapperError, Report, Settings, reconstruct};
-use epipole_optimize::engine::Engine;
 use epipole_scene::{Reconstruction, ViewGraph};
 use js_sys::{Array, Function, Object, Reflect, Uint8Array};
 use wasm_bindgen::prelude::{JsValue, wasm_bindgen};
 use web_sys::File;
 
+use crate::backend::{self, Chosen};
 use crate::bytes::TabFile;
 use crate::control::{Control, Wish, Wishes};
 use crate::error::Failure;
@@ -116,9 +116,16 @@ impl Session {
         Ok(())
     }
 
-    /// Runs the pipeline. `settings` as a settings file has them; `send(kind, value)` gets events and snapshots;
-    /// `breathe()` gives a promise that is kept when the run may go on. Returns the report.
-    pub async fn solve(&mut self, settings: JsValue, send: Function, breathe: Function) -> Answer<JsValue> {
+    /// Runs the pipeline. `settings` as a settings file has them; `backend` is `auto`, `gpu` or `cpu`; `send(kind, value)`
+    /// gets events, snapshots and where it runs; `breathe()` gives a promise that is kept when the run may go on.
+    /// Returns the report.
+    pub async fn solve(
+        &mut self,
+        settings: JsValue,
+        backend: String,
+        send: Function,
+        breathe: Function,
+    ) -> Answer<JsValue> {
         let name = self.name.clone();
         let Some(graph) = &self.graph else {
             return Err(Failure::new(&name, "a model has no matches to solve", "drop a database.db").into());
@@ -138,7 +145,9 @@ impl Session {
         self.wishes.set(Wish::GoOn);
         let mut observer = TabObserver::new(self.wishes.clone(), send.clone(), breathe);
         let images = (!self.pictures.is_empty()).then_some(&mut self.pictures as &mut _);
-        let mut engine = Engine::Cpu;
+        let keypoints = graph.images.iter().map(|image| image.keypoints_px.len()).sum();
+        let Chosen { mut engine, place } = backend::choose(&backend, keypoints).await?;
+        let _ = send.call2(&JsValue::NULL, &"backend".into(), &to_js(&place)?);
         let outcome = reconstruct(graph.clone(), &options, &mut engine, images, &mut observer).await;
         if self.wishes.get() == Wish::Cancel {
             return Err(Failure::new(&name, "cancelled", "").into());

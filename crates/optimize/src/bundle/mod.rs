@@ -20,7 +20,7 @@ pub use problem::{ParamPrior, PoseFreedom, Problem};
 
 use crate::error::OptimizeError;
 use crate::executor::block_on;
-use crate::lm::{LmReport, Observer, minimize};
+use crate::lm::{Blocking, LmReport, Observer, minimize};
 
 /// Solves on the CPU in `f64`. The problem is left at the last accepted state.
 pub fn solve(problem: &mut Problem, options: &Options, observer: &mut dyn Observer) -> Result<LmReport, OptimizeError> {
@@ -34,7 +34,7 @@ pub fn solve_with<T: Real>(
     options: &Options,
     observer: &mut dyn Observer,
 ) -> Result<LmReport, OptimizeError> {
-    block_on(solve_async::<T>(problem, options, observer))
+    block_on(solve_async::<T>(problem, options, &mut Blocking(observer)))
 }
 
 /// As [`solve_with`], for a host that may not block: waits where the observer asks for a breath.

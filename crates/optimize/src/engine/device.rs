@@ -5,7 +5,7 @@ use std::rc::Rc;
 use super::Notice;
 use crate::error::OptimizeError;
 use crate::gpu::{Device, GpuError, Limits};
-use crate::lm::{IterationRecord, LmOptions, LmReport, Observer};
+use crate::lm::{Breath, IterationRecord, LmOptions, LmReport, Observer};
 use crate::{bundle, positioning};
 
 /// Below this the processor is done before a device has answered a few dozen times.
@@ -74,7 +74,7 @@ impl DeviceEngine {
         observer: &mut dyn Observer,
     ) -> Result<LmReport, OptimizeError> {
         if problem.observation_px.len() < self.policy.min_observations {
-            return bundle::solve(problem, options, observer);
+            return bundle::solve_async::<f64>(problem, options, observer).await;
         }
         let mut rest = *options;
         let mut losses = 0;
@@ -102,7 +102,8 @@ impl DeviceEngine {
                 solved => return solved.map(|report| after(report, done)),
             }
         }
-        bundle::solve(problem, &rest, &mut Later { done, observer }).map(|report| after(report, done))
+        let solved = bundle::solve_async::<f64>(problem, &rest, &mut Later { done, observer }).await;
+        solved.map(|report| after(report, done))
     }
 
     pub(super) async fn position(
@@ -112,7 +113,7 @@ impl DeviceEngine {
         observer: &mut dyn Observer,
     ) -> Result<positioning::Report, OptimizeError> {
         if problem.observation_image.len() < self.policy.min_observations {
-            return positioning::solve(problem, options, observer);
+            return positioning::solve_async::<f64>(problem, options, observer).await;
         }
         let mut losses = 0;
         while let Some(device) = self.device.clone() {
@@ -129,7 +130,7 @@ impl DeviceEngine {
                 solved => return solved,
             }
         }
-        positioning::solve(problem, options, observer)
+        positioning::solve_async::<f64>(problem, options, observer).await
     }
 
     /// A new device in place of a lost one, if there is one and the loss was not one too many.
@@ -185,6 +186,10 @@ impl Observer for Later<'_> {
 
     fn should_stop(&self) -> bool {
         self.observer.should_stop()
+    }
+
+    fn breathe(&mut self) -> Option<Breath> {
+        self.observer.breathe()
     }
 }
 

@@ -66,7 +66,7 @@ impl Engine {
         observer: &mut dyn Observer,
     ) -> Result<positioning::Report, OptimizeError> {
         match self {
-            Self::Cpu => positioning::solve(problem, options, observer),
+            Self::Cpu => positioning::solve_async::<f64>(problem, options, observer).await,
             #[cfg(feature = "gpu")]
             Self::Gpu(engine) => engine.position(problem, options, observer).await,
         }

@@ -92,7 +92,9 @@ impl Device {
         }));
         let software = info.device_type == wgpu::DeviceType::Cpu;
         let kind = if software { "software adapter, correct but slow" } else { "hardware adapter" };
-        let description = format!("{} ({:?}, {kind})", info.name, info.backend);
+        // Browsers hide what they call an adapter.
+        let name = if info.name.is_empty() { "unnamed GPU" } else { &info.name };
+        let description = format!("{name} ({:?}, {kind})", info.backend);
         Ok(Self { device, queue, description, software, fault, pipelines: Cache::default(), timer: Arc::default() })
     }
 

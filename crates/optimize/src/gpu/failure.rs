@@ -4,7 +4,8 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use super::error::GpuError;
-use crate::lm::{IterationRecord, Observer};
+use crate::engine::Notice;
+use crate::lm::{Breath, IterationRecord, Observer};
 
 /// The first failure, shared by a system and the observer that stops its loop.
 #[derive(Clone, Debug, Default)]
@@ -31,6 +32,14 @@ pub(crate) struct Guard<'a> {
 impl Observer for Guard<'_> {
     fn iteration(&mut self, record: &IterationRecord) {
         self.inner.iteration(record);
+    }
+
+    fn notice(&mut self, notice: &Notice) {
+        self.inner.notice(notice);
+    }
+
+    fn breathe(&mut self) -> Option<Breath> {
+        self.inner.breathe()
     }
 
     fn should_stop(&self) -> bool {

@@ -8,6 +8,7 @@ use super::gauge::{Positions, median};
 use super::layout::{Layout, Rays};
 use super::vec3::Vec3;
 use crate::error::OptimizeError;
+use crate::lm::{Observer, breath};
 use crate::parallel;
 
 /// Damping of the convex solves: enough to hold the gauge, too little to move the answer (`global-positioning.md` §5).
@@ -49,19 +50,29 @@ pub struct ConvexReport {
 ///
 /// # Errors
 /// [`OptimizeError::Singular`], or what the backend meets.
-pub(crate) async fn equal_scales<B: Backend>(backend: &mut B, unit: f64) -> Result<ConvexReport, OptimizeError> {
-    unfold(backend, unit, MAX_SOLVES).await
+pub(crate) async fn equal_scales<B: Backend>(
+    backend: &mut B,
+    unit: f64,
+    observer: &mut dyn Observer,
+) -> Result<ConvexReport, OptimizeError> {
+    unfold(backend, unit, MAX_SOLVES, observer).await
 }
 
-async fn unfold<B: Backend>(backend: &mut B, unit: f64, max_solves: usize) -> Result<ConvexReport, OptimizeError> {
+async fn unfold<B: Backend>(
+    backend: &mut B,
+    unit: f64,
+    max_solves: usize,
+    observer: &mut dyn Observer,
+) -> Result<ConvexReport, OptimizeError> {
     let first = backend.begin(Objective::EqualScales { free_scale: 1.0 / unit, huber: HUBER }).await?;
     let mut report = ConvexReport { cost: first, ..ConvexReport::default() };
     while report.solves < max_solves {
         let previous = report.cost;
         solve(backend, &mut report, "equal-scale").await?;
+        breath(observer).await;
         // From the origin the first cost is the cost of nothing: only later ones tell of convergence.
         let converged = report.solves > 1 && previous - report.cost < TOLERANCE * report.cost;
-        if converged || report.cost <= NEGLIGIBLE * first {
+        if converged || report.cost <= NEGLIGIBLE * first || observer.should_stop() {
             break;
         }
     }
@@ -72,13 +83,19 @@ async fn unfold<B: Backend>(backend: &mut B, unit: f64, max_solves: usize) -> Re
 ///
 /// # Errors
 /// [`OptimizeError::Singular`], or what the backend meets.
-pub(crate) async fn lud<B: Backend>(backend: &mut B, unit: f64, metric: bool) -> Result<ConvexReport, OptimizeError> {
-    let mut report = unfold(backend, unit, LUD_START_SOLVES).await?;
+pub(crate) async fn lud<B: Backend>(
+    backend: &mut B,
+    unit: f64,
+    metric: bool,
+    observer: &mut dyn Observer,
+) -> Result<ConvexReport, OptimizeError> {
+    let mut report = unfold(backend, unit, LUD_START_SOLVES, observer).await?;
     let bound = if metric { LUD_METRIC_BOUND * unit } else { unit };
     report.cost = backend.begin(Objective::Lud { bound, delta: LUD_DELTA * unit }).await?;
     for _ in 0..LUD_MAX_SOLVES {
         let (moved, extent) = solve(backend, &mut report, "LUD").await?;
-        if moved < LUD_TOLERANCE * extent {
+        breath(observer).await;
+        if moved < LUD_TOLERANCE * extent || observer.should_stop() {
             break;
         }
     }

@@ -31,4 +31,4 @@ pub use options::Options;
 pub use problem::{PIN_SIGMA, Problem};
 pub use quality::{Grade, Quality};
 pub use report::{Attempt, Report, Start, Warning};
-pub use solve::{solve, solve_with};
+pub use solve::{solve, solve_async, solve_with};

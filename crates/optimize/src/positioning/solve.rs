@@ -15,7 +15,7 @@ use super::report::{Attempt, Report, Start, Warning};
 use super::vec3::to_dvec3;
 use crate::error::OptimizeError;
 use crate::executor::block_on;
-use crate::lm::{Observer, Termination};
+use crate::lm::{Blocking, Observer, Termination};
 
 /// A clipped attempt leaves out observations beyond this angle or beyond this multiple of the median, whichever is
 /// larger, and then points with fewer observations than this (`global-positioning.md` §4).
@@ -47,11 +47,23 @@ pub fn solve_with<T: Real>(
     options: &Options,
     observer: &mut dyn Observer,
 ) -> Result<Report, OptimizeError> {
+    block_on(solve_async::<T>(problem, options, &mut Blocking(observer)))
+}
+
+/// [`solve_with`] for a host that may not block: waits where the observer asks for a breath.
+///
+/// # Errors
+/// As [`solve`].
+pub async fn solve_async<T: Real>(
+    problem: &mut Problem,
+    options: &Options,
+    observer: &mut dyn Observer,
+) -> Result<Report, OptimizeError> {
     problem.validate()?;
     let layout = Layout::new(problem, None)?;
     let rays = Rays::<T>::new(problem, &layout);
     let mut backend = Cpu::new(&layout, &rays, options.linear_solver);
-    let (report, positions) = block_on(solve_on(&mut backend, &layout, &rays, options, observer))?;
+    let (report, positions) = solve_on(&mut backend, &layout, &rays, options, observer).await?;
     Ok(finish(problem, &layout, report, &positions))
 }
 
@@ -135,8 +147,8 @@ impl<B: Backend> Run<'_, B> {
     ) -> Result<Candidate<B::Scalar>, OptimizeError> {
         let unit = unit(self.rays);
         let convex = match start {
-            Start::Lud => lud(self.backend, unit, self.rays.metric).await?,
-            Start::EqualScales | Start::Clipped => equal_scales(self.backend, unit).await?,
+            Start::Lud => lud(self.backend, unit, self.rays.metric, observer).await?,
+            Start::EqualScales | Start::Clipped => equal_scales(self.backend, unit, observer).await?,
         };
         self.project(self.rays, start, convex, observer).await
     }

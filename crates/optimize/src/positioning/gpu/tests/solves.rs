@@ -120,7 +120,7 @@ fn read_backs_and_bytes_are_within_budget() {
     let layout = Layout::new(&problem, None).unwrap();
     let rays = Rays::<f32>::new(&problem, &layout);
     let mut gpu = Gpu::new(&device, &layout, &rays, CHUNK_OBSERVATIONS).unwrap();
-    let convex = block_on(equal_scales(&mut gpu, 1.0)).unwrap();
+    let convex = block_on(equal_scales(&mut gpu, 1.0, &mut ())).unwrap();
     let begun = gpu.read_backs;
     assert!(begun <= 1 + 2 * convex.solves, "{begun} for {} convex solves", convex.solves);
     let report = block_on(gpu.project(&rays, &Options::default(), &mut ())).unwrap();
