@@ -11,21 +11,25 @@
  * @property {Phase} phase
  * @property {Opened|null} opened what was read from the database or model
  * @property {Report|null} report of the finished run
- * @property {Failure[]} problems refusals and warnings that are shown
+ * @property {Failure[]} problems refusals that are shown
  * @property {Selection} selection
+ * @property {number[]} seenBy images that see the selected point
+ * @property {Set<number>} placed images that have a camera so far
+ * @property {number} pictures photographs that are at hand
  * @property {number|null} component that is shown; null: all
  * @property {{maxErrorPx: number, minTrack: number}} filter of view and export alike
  * @property {string} imageFilter which thumbnails: all, placed, weak, missing
  */
 
-/** @returns {State} */
-const fresh = () => ({
-  phase: "empty",
-  opened: null,
-  report: null,
-  problems: [],
-  selection: { kind: "none" },
-  component: null,
+/** Of the scene only: problems outlive it. */
+const scene = () => ({
+  /** @type {Opened|null} */ opened: null,
+  /** @type {Report|null} */ report: null,
+  /** @type {Selection} */ selection: { kind: "none" },
+  /** @type {number[]} */ seenBy: [],
+  /** @type {Set<number>} */ placed: new Set(),
+  pictures: 0,
+  /** @type {number|null} */ component: null,
   filter: { maxErrorPx: Infinity, minTrack: 2 },
   imageFilter: "all",
 });
@@ -33,7 +37,7 @@ const fresh = () => ({
 export class Store {
   constructor() {
     /** @type {State} */
-    this.state = fresh();
+    this.state = { phase: "empty", problems: [], ...scene() };
     /** @type {Map<string, Set<() => void>>} */
     this.listeners = new Map();
   }
@@ -61,8 +65,8 @@ export class Store {
     }
   }
 
-  /** Forgets the scene, so that nothing of it leaks into the next. */
-  reset() {
-    this.set(fresh());
+  /** Forgets the scene, so that nothing of it leaks into the next. @param {Phase} phase */
+  forget(phase) {
+    this.set({ phase, ...scene() });
   }
 }

@@ -1,4 +1,4 @@
-// Files from a drop, a picker, a folder, a zip or an address, as one list of entries.
+// Files from a drop, a picker, a folder or a zip, as one list of entries, sorted by what they are.
 
 import { Refusal } from "../engine/client.js";
 import { unzip } from "./zip.js";
@@ -50,40 +50,14 @@ export function fromPicker(list) {
 }
 
 /**
- * A file from an address, with progress. @param {string} address
- * @param {(done: number, total: number) => void} progress @returns {Promise<Entry[]>}
- */
-export async function fromUrl(address, progress) {
-  const fail = (/** @type {string} */ message, /** @type {string} */ hint) => new Refusal({ file: address, message, hint });
-  let response;
-  try {
-    response = await fetch(address, { credentials: "omit", referrerPolicy: "no-referrer" });
-  } catch {
-    throw fail("the address cannot be read", "its server must allow other pages to read it (CORS); or download the file and drop it here");
-  }
-  if (!response.ok || !response.body) throw fail(`the server answered ${response.status}`, "check the address");
-  const total = Number(response.headers.get("content-length")) || 0;
-  let done = 0;
-  const counted = response.body.pipeThrough(new TransformStream({
-    transform(chunk, controller) {
-      done += chunk.byteLength;
-      progress(done, total);
-      controller.enqueue(chunk);
-    },
-  }));
-  const name = new URL(address, location.href).pathname.split("/").at(-1) || "download";
-  return [{ path: name, file: new File([await new Response(counted).blob()], name) }];
-}
-
-/**
  * @typedef {object} Sorted
  * @property {Entry[]} open database with its -wal, or the files of a model
  * @property {Entry[]} pictures @property {Entry[]} depths @property {Entry|null} settings
  * @property {Failure[]} refused
  */
 
-/** Unpacks archives and sorts everything by what it is. @param {Entry[]} entries @returns {Promise<Sorted>} */
-export async function sort(entries) {
+/** Unpacks archives and sorts everything by what it is. @param {Entry[]} entries @param {(text: string) => void} [told] @returns {Promise<Sorted>} */
+export async function sort(entries, told = () => {}) {
   /** @type {Sorted} */
   const sorted = { open: [], pictures: [], depths: [], settings: null, refused: [] };
   /** @type {Record<string, Entry[]>} */
@@ -93,7 +67,7 @@ export async function sort(entries) {
     for (const entry of list) {
       if (NOISE.test(entry.path)) continue;
       const kind = await classify(entry);
-      if (kind === "zip" && !inArchive) await take(await unzip(entry), true);
+      if (kind === "zip" && !inArchive) await take(await unzip(entry, told), true);
       else if (kind === "image") sorted.pictures.push(entry);
       else if (kind === "depth") sorted.depths.push(entry);
       else if (kind === "settings") sorted.settings = entry;

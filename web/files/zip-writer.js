@@ -6,10 +6,17 @@ const TABLE = Uint32Array.from({ length: 256 }, (_, n) => {
   return c >>> 0;
 });
 
+/** Bytes between two breaths, some 10 ms of work: the page stays awake while a large model is written. */
+const BREATH_BYTES = 4e6;
+
 /** @param {Uint8Array} bytes */
-export function crc32(bytes) {
+export async function crc32(bytes) {
   let c = 0xffffffff;
-  for (const byte of bytes) c = TABLE[(c ^ byte) & 255] ^ (c >>> 8);
+  for (let from = 0; from < bytes.length; from += BREATH_BYTES) {
+    const to = Math.min(bytes.length, from + BREATH_BYTES);
+    for (let k = from; k < to; k += 1) c = TABLE[(c ^ bytes[k]) & 255] ^ (c >>> 8);
+    if (to < bytes.length) await new Promise((resolve) => setTimeout(resolve));
+  }
   return (c ^ 0xffffffff) >>> 0;
 }
 
@@ -17,15 +24,15 @@ export function crc32(bytes) {
 const FLAGS = 0x0800;
 const DATE = 0x0021;
 
-/** @param {{ path: string, bytes: Uint8Array<ArrayBuffer> }[]} files @returns {Blob} */
-export function zip(files) {
+/** @param {{ path: string, bytes: Uint8Array<ArrayBuffer> }[]} files @returns {Promise<Blob>} */
+export async function zip(files) {
   /** @type {BlobPart[]} */
   const parts = [];
   const directory = [];
   let offset = 0;
   for (const { path, bytes } of files) {
     const name = new TextEncoder().encode(path);
-    const crc = crc32(bytes);
+    const crc = await crc32(bytes);
     const local = new DataView(new ArrayBuffer(30));
     local.setUint32(0, 0x04034b50, true);
     local.setUint16(4, 20, true);

@@ -11,8 +11,8 @@ const MAX_BYTES = 3e9;
 const MAX_RATIO = 200;
 const MAX_ENTRIES = 200_000;
 
-/** @param {Entry} archive @returns {Promise<Entry[]>} */
-export async function unzip({ path, file }) {
+/** @param {Entry} archive @param {(text: string) => void} told @returns {Promise<Entry[]>} */
+export async function unzip({ path, file }, told) {
   const fail = (/** @type {string} */ message, hint = "pack the files again") => new Refusal({ file: path, message, hint });
   const directory = await readDirectory(file, fail);
   const wanted = directory.filter(({ name }) => !name.endsWith("/"));
@@ -23,7 +23,8 @@ export async function unzip({ path, file }) {
   if (suspicious) throw fail(`${suspicious.name} claims to unpack to ${Math.round(suspicious.size / Math.max(suspicious.packed, 1))} times its size`, "this is no scene; unpack it yourself if you trust it");
   /** @type {Entry[]} */
   const entries = [];
-  for (const item of wanted) {
+  for (const [k, item] of wanted.entries()) {
+    told(`Unpacking ${path}: ${k + 1} of ${wanted.length}`);
     entries.push({ path: item.name, file: new File([await unpack(file, item, fail)], item.name.split("/").at(-1) ?? item.name) });
   }
   return entries;

@@ -1,70 +1,100 @@
-// One image with its keypoints, their errors, or its matches to another image.
+// The selected image: its keypoints and their errors, its matches to a neighbour, why it has no camera; large on demand.
 
-import { el, heading, hide, perFrame, sharpContext, token } from "../ui/dom.js";
-import { count, pixels } from "../ui/format.js";
 import { ramp } from "../scene/colors.js";
+import { el, heading, hide, perFrame } from "../ui/dom.js";
+import { dialog } from "../ui/dialog.js";
+import { count, pixels } from "../ui/format.js";
+import { LARGE_ERROR_PX, drawImages, shapeOf } from "./image-drawing.js";
+import { median, standing } from "./reasons.js";
 
-/** Errors beyond this are drawn red, px: COLMAP's and our filters take observations out at a few pixels. */
-const LARGE_ERROR_PX = 2;
-/** More crosses than this hide the picture they lie on. */
-const MAX_MARKS = 4000;
+/** @typedef {import("./image-drawing.js").Drawn} Drawn */
+
+/** A wide window has no use for more, px. */
+const LARGE_WIDTH_PX = 1600;
 
 /**
  * @param {import("../store.js").Store} store @param {import("../engine/client.js").Engine} engine
- * @param {import("./pictures.js").Pictures} pictures @param {(image: number, other: number|undefined) => void} select
+ * @param {import("./pictures.js").Pictures} pictures
+ * @param {{ select: (image: number, other: number|undefined) => void, snap: (image: number) => void }} on
  */
-export function imageView(store, engine, pictures, select) {
+export function imageView(store, engine, pictures, on) {
   const { node: head, note } = heading("Image");
-  const canvas = el("canvas", { class: "image-view", role: "img" });
-  const caption = el("p", { class: "quiet caption" });
+  const canvas = el("canvas", { class: "image-view", role: "img", onclick: () => enlarge() });
+  const caption = el("p", { class: "caption" });
+  const reason = el("p", { class: "reason hidden" });
+  const scale = el("div", { class: "error-scale quiet small hidden" }, el("span", {}, "0"), el("span", { class: "bar-of-colour" }), el("span", {}, `${LARGE_ERROR_PX} px and more`));
+  /** @type {HTMLElement} */ (scale.children[1]).style.background = `linear-gradient(90deg, ${[0, 1 / 3, 2 / 3, 1].map((t) => `rgb(${ramp(t).map(Math.round).join(" ")})`).join(", ")})`;
   const neighbours = el("select", { "aria-label": "Show matches with", onchange: () => choose() });
-  const neighbourRow = el("label", { class: "neighbour" }, el("span", { class: "quiet" }, "Matches with"), neighbours);
-  const node = el("div", { class: "block hidden" }, head, canvas, caption, neighbourRow);
-  /** @type {{ keypoints: Float32Array, residuals: Float32Array|null, matches: Float32Array|null, picture: ImageBitmap|null, other: ImageBitmap|null }|null} */
+  const snap = el("button", { type: "button", title: "Look through this camera (C)", onclick: () => on.snap(store.state.selection.image ?? 0) }, "Look through");
+  const large = el("button", { type: "button", onclick: () => enlarge() }, "Enlarge");
+  const node = el("div", { class: "block hidden" }, head, canvas, caption, reason, scale,
+    el("label", { class: "neighbour" }, el("span", { class: "quiet" }, "Matches with"), neighbours),
+    el("div", { class: "add" }, snap, large));
+  /** @type {Drawn|null} */
   let shown = null;
   let asked = 0;
 
   function choose() {
     const { selection } = store.state;
-    if (selection.image !== undefined) select(selection.image, neighbours.value === "" ? undefined : Number(neighbours.value));
+    if (selection.image !== undefined) on.select(selection.image, neighbours.value === "" ? undefined : Number(neighbours.value));
+  }
+
+  function drop() {
+    shown?.picture?.close();
+    shown?.otherPicture?.close();
+    shown = null;
+  }
+
+  /** What is to be drawn of the selection. @param {number} widthPx @returns {Promise<Drawn|null>} */
+  async function gather(widthPx) {
+    const { opened, selection, report } = store.state;
+    const image = selection.kind === "image" || selection.kind === "pair" ? selection.image : undefined;
+    if (image === undefined || !opened) return null;
+    const other = selection.kind === "pair" ? selection.other : undefined;
+    const solved = report ? report.images[image]?.component !== null : opened.kind === "model";
+    const nothing = () => null;
+    const [keypoints, residuals, matches, picture, otherPicture] = await Promise.all([
+      /** @type {Promise<Float32Array|null>} */ (engine.ask({ type: "keypoints", image }).catch(nothing)),
+      /** @type {Promise<Float32Array|null>} */ (solved ? engine.ask({ type: "residuals", image }).catch(nothing) : Promise.resolve(null)),
+      /** @type {Promise<Float32Array|null>} */ (other === undefined ? Promise.resolve(null) : engine.ask({ type: "matches", image, other }).catch(nothing)),
+      pictures.picture(opened.images[image].name, Math.min(opened.images[image].width || widthPx, widthPx)),
+      other === undefined ? null : pictures.picture(opened.images[other].name, Math.min(opened.images[other].width || widthPx, widthPx)),
+    ]);
+    return { size: opened.images[image], otherSize: other === undefined ? null : opened.images[other], keypoints: keypoints ?? new Float32Array(), residuals, matches, picture, otherPicture };
   }
 
   async function load() {
-    const { opened, selection, report } = store.state;
+    const { opened, selection, report, placed, phase } = store.state;
     const mine = (asked += 1);
     const image = selection.kind === "image" || selection.kind === "pair" ? selection.image : undefined;
     hide(node, image === undefined || !opened);
     if (image === undefined || !opened) {
-      shown = null;
+      drop();
       return;
     }
     const info = opened.images[image];
-    const other = selection.kind === "pair" ? selection.other : undefined;
-    listNeighbours(image, other);
-    const widthPx = Math.min(info.width || 640, 2 * (canvas.clientWidth || 290));
-    /** @type {[Float32Array, Float32Array|null, Float32Array|null, ImageBitmap|null, ImageBitmap|null]} */
-    const [keypoints, residuals, matches, picture, second] = await Promise.all([
-      engine.ask({ type: "keypoints", image }),
-      report?.images[image]?.component !== null && report ? engine.ask({ type: "residuals", image }) : null,
-      other === undefined ? null : engine.ask({ type: "matches", image, other }),
-      pictures.picture(info.name, widthPx),
-      other === undefined ? null : pictures.picture(opened.images[other].name, widthPx),
-    ]).catch(() => /** @type {any} */ ([new Float32Array(), null, null, null, null]));
-    if (mine !== asked) {
-      picture?.close();
-      second?.close();
+    listNeighbours(image, selection.kind === "pair" ? selection.other : undefined);
+    const next = await gather(2 * (canvas.clientWidth || 290));
+    if (mine !== asked || !next) {
+      next?.picture?.close();
+      next?.otherPicture?.close();
       return;
     }
-    shown?.picture?.close();
-    shown?.other?.close();
-    shown = { keypoints, residuals, matches, picture, other: second };
+    drop();
+    shown = next;
     const result = report?.images[image];
-    note.textContent = `${info.width} × ${info.height}`;
-    const parts = [info.name.split("/").at(-1), `${count(info.keypoints)} keypoints`];
-    if (result?.component !== null && result) parts.push(`${count(result.points)} points`, pixels(result.mean_reprojection_error_px));
-    if (matches) parts.push(`${count(matches.length / 5)} matches`);
+    note.textContent = info.width > 0 ? `${info.width} × ${info.height}` : "";
+    const parts = [info.name.split("/").at(-1) ?? info.name, `${count(info.keypoints)} keypoints`];
+    if (result && result.component !== null) parts.push(`${count(result.points)} points`, pixels(result.mean_reprojection_error_px));
+    if (next.matches) parts.push(`${count(next.matches.length / 5)} matches`);
     caption.textContent = parts.join(" · ");
     canvas.setAttribute("aria-label", caption.textContent);
+    const is = standing(result, median((report?.images ?? []).map((other) => other.mean_reprojection_error_px)));
+    hide(reason, is.standing !== "missing" && is.standing !== "weak");
+    reason.className = `reason${is.standing === "missing" ? " bad" : is.standing === "weak" ? " fair" : " hidden"}`;
+    reason.textContent = is.standing === "missing" ? `Not placed: ${is.why}.` : `Weak: ${is.why}.`;
+    hide(scale, !next.residuals?.some((error) => error >= 0) || next.matches !== null);
+    snap.disabled = !(placed.has(image) && phase !== "opening");
     draw();
   }
 
@@ -75,66 +105,47 @@ export function imageView(store, engine, pictures, select) {
     /** @type {[number, number][]} */
     const list = [];
     for (let k = 0; k < opened.pairs.length; k += 3) {
-      const [a, b, matches] = opened.pairs.subarray(k, k + 3);
-      if (a === image) list.push([b, matches]);
-      else if (b === image) list.push([a, matches]);
+      if (opened.pairs[k] === image) list.push([opened.pairs[k + 1], opened.pairs[k + 2]]);
+      else if (opened.pairs[k + 1] === image) list.push([opened.pairs[k], opened.pairs[k + 2]]);
     }
     list.sort((x, y) => y[1] - x[1]);
     neighbours.replaceChildren(
-      el("option", { value: "" }, list.length === 0 ? "no other image" : "choose an image"),
+      el("option", { value: "" }, list.length === 0 ? "no other image" : `one of ${list.length} images`),
       ...list.map(([k, matches]) => el("option", { value: String(k), selected: k === other }, `${opened.images[k].name.split("/").at(-1)} (${count(matches)})`)),
     );
     neighbours.disabled = list.length === 0;
   }
 
   const draw = perFrame(() => {
-    const { opened, selection } = store.state;
-    if (!opened || !shown || selection.image === undefined) return;
-    const info = opened.images[selection.image];
-    const other = selection.kind === "pair" && selection.other !== undefined ? opened.images[selection.other] : null;
-    const aspect = (info.height || 3) / (info.width || 4);
-    const heightShare = other ? aspect + (other.height || 3) / (other.width || 4) : aspect;
-    canvas.style.aspectRatio = String(1 / heightShare);
-    const { context, width } = sharpContext(canvas);
-    const drawn = shown;
-    /** @param {ImageBitmap|null} picture @param {number} top @param {number} height */
-    const place = (picture, top, height) => {
-      context.fillStyle = token("--ground");
-      context.fillRect(0, top, width, height);
-      if (picture) context.drawImage(picture, 0, top, width, height);
-    };
-    place(drawn.picture, 0, width * aspect);
-    const zoom = width / (info.width || 1);
-    if (other && drawn.matches) {
-      const top = width * aspect;
-      place(drawn.other, top, width * (heightShare - aspect));
-      const zoomOther = width / (other.width || 1);
-      context.strokeStyle = token("--good");
-      context.globalAlpha = Math.max(0.15, Math.min(0.8, 150 / (drawn.matches.length / 5)));
-      context.beginPath();
-      // Five numbers a match: x, y here; x, y there; whether it became part of a point.
-      for (let k = 0; k < drawn.matches.length; k += 5) {
-        context.moveTo(drawn.matches[k] * zoom, drawn.matches[k + 1] * zoom);
-        context.lineTo(drawn.matches[k + 2] * zoomOther, top + drawn.matches[k + 3] * zoomOther);
-      }
-      context.stroke();
-      context.globalAlpha = 1;
-      return;
-    }
-    const step = Math.max(1, Math.ceil(drawn.keypoints.length / 2 / MAX_MARKS));
-    for (let k = 0; 2 * k < drawn.keypoints.length; k += step) {
-      const error = drawn.residuals?.[k];
-      const used = error !== undefined && error >= 0;
-      const [r, g, b] = used ? ramp(error / LARGE_ERROR_PX) : [150, 160, 175];
-      context.fillStyle = `rgb(${r} ${g} ${b})`;
-      context.globalAlpha = used ? 0.95 : 0.4;
-      const side = used ? 2.4 : 1.4;
-      context.fillRect(drawn.keypoints[2 * k] * zoom - side / 2, drawn.keypoints[2 * k + 1] * zoom - side / 2, side, side);
-    }
-    context.globalAlpha = 1;
+    if (!shown || node.classList.contains("hidden")) return;
+    canvas.style.aspectRatio = String(1 / shapeOf(shown, false));
+    drawImages(canvas, shown, false);
   });
 
-  store.on(["selection", "report", "opened"], load);
+  async function enlarge() {
+    const { opened, selection } = store.state;
+    if (!opened || selection.image === undefined) return;
+    const drawn = await gather(Math.min(LARGE_WIDTH_PX, devicePixelRatio * innerWidth));
+    if (!drawn) return;
+    const big = el("canvas", { class: "image-view", role: "img", "aria-label": caption.textContent ?? "" });
+    const box = dialog({ title: caption.textContent ?? "", wide: true, closed: () => {
+      resized.disconnect();
+      drawn.picture?.close();
+      drawn.otherPicture?.close();
+    } }, big);
+    // As large as the window holds, in its own shape.
+    const shape = shapeOf(drawn, true);
+    big.style.aspectRatio = String(1 / shape);
+    big.style.maxWidth = `calc(76vh / ${shape})`;
+    const resized = new ResizeObserver(() => drawImages(big, drawn, true));
+    resized.observe(big);
+    box.show();
+  }
+
+  store.on(["selection", "report", "opened", "pictures"], load);
+  store.on(["phase"], () => {
+    if (store.state.selection.image !== undefined && !node.classList.contains("hidden")) snap.disabled = !store.state.placed.has(store.state.selection.image);
+  });
   new ResizeObserver(draw).observe(canvas);
-  return { node, reload: load, redraw: draw };
+  return { node, redraw: draw };
 }

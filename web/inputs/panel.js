@@ -7,29 +7,31 @@ import { matchMatrix } from "./match-matrix.js";
 import { median, standing } from "./reasons.js";
 import { thumbnails } from "./thumbnails.js";
 
+const STATES = /** @type {const} */ ([["all", "all", ""], ["placed", "placed", "good"], ["weak", "weak", "fair"], ["missing", "not placed", "bad"]]);
+
 /**
  * @param {HTMLElement} panel @param {import("../store.js").Store} store @param {import("../engine/client.js").Engine} engine
  * @param {import("./pictures.js").Pictures} pictures
- * @param {{ snap: (image: number) => void, pickFiles: () => void, pickFolder: () => void }} on
+ * @param {{ snap: (image: number) => void, pickFiles: () => void, pickFolder: () => void, sample: () => void }} on
  */
 export function inputsPanel(panel, store, engine, pictures, on) {
   const { node: head, note } = heading("Inputs");
-  const problems = el("div", { "aria-live": "polite" });
-  const filters = el("div", { class: "filters hidden", role: "radiogroup", "aria-label": "Which images" });
-  const grid = thumbnails(store, pictures, {
-    select: (image) => store.set({ selection: store.state.selection.kind === "image" && store.state.selection.image === image ? { kind: "none" } : { kind: "image", image } }),
+  const filters = el("div", { class: "filters hidden", role: "group", "aria-label": "Which images" });
+  const grid = thumbnails(store, pictures, (image) => engine.ask({ type: "keypoints", image }), {
+    select: (image) => store.set({ selection: store.state.selection.kind === "image" && store.state.selection.image === image ? { kind: "none" } : { kind: "image", image }, seenBy: [] }),
     snap: on.snap,
   });
-  const view = imageView(store, engine, pictures, (image, other) => store.set({ selection: other === undefined ? { kind: "image", image } : { kind: "pair", image, other } }));
-  const matrix = matchMatrix(store, (image, other) => store.set({ selection: { kind: "pair", image, other } }));
-  const add = el("div", { class: "add" },
-    el("button", { type: "button", onclick: on.pickFiles }, "Files…"),
-    el("button", { type: "button", onclick: on.pickFolder }, "Folder…"));
+  const pair = (/** @type {number} */ image, /** @type {number|undefined} */ other) => store.set({ selection: other === undefined ? { kind: "image", image } : { kind: "pair", image, other }, seenBy: [] });
+  const view = imageView(store, engine, pictures, { select: pair, snap: on.snap });
+  const matrix = matchMatrix(store, pair);
   const content = el("div", { class: "hidden" }, filters, el("div", { class: "block" }, grid.node), view.node, matrix.node);
-  const empty = el("p", { class: "quiet" }, "No scene yet. Drop a database.db, or a folder that holds one with its photographs and depth maps.");
-  panel.append(el("div", { class: "pad" }, head, problems, empty, content, add));
+  const empty = el("p", { class: "quiet" }, "No scene yet. Drop files anywhere on this page, or try the sample: a small scene made for the purpose.");
+  const sample = el("button", { type: "button", onclick: on.sample }, "Sample");
+  const add = el("div", { class: "add" },
+    el("button", { type: "button", title: "Choose files (O)", onclick: on.pickFiles }, "Files…"),
+    el("button", { type: "button", onclick: on.pickFolder }, "Folder…"), sample);
+  panel.append(el("div", { class: "pad" }, head, empty, content), el("div", { class: "actions-bar" }, add));
 
-  const STATES = /** @type {const} */ (["all", "placed", "weak", "missing"]);
   function summary() {
     const { opened, report, imageFilter } = store.state;
     hide(content, !opened);
@@ -41,24 +43,22 @@ export function inputsPanel(panel, store, engine, pictures, on) {
     }
     const middle = median((report?.images ?? []).map((image) => image.mean_reprojection_error_px));
     const counts = { all: opened.images.length, placed: 0, weak: 0, missing: 0, pending: 0 };
-    opened.images.forEach((_, k) => (counts[standing(report?.images[k], middle).standing] += 1));
+    if (report) report.images.forEach((image) => (counts[standing(image, middle).standing] += 1));
     note.textContent = report ? `${count(counts.placed + counts.weak)} of ${plural(counts.all, "image")} placed` : plural(counts.all, "image");
     hide(filters, !report);
-    filters.replaceChildren(...STATES.map((state) => el("button", {
-      type: "button", class: "chip", role: "radio", "aria-checked": String(imageFilter === state),
-      onclick: () => store.set({ imageFilter: state }),
-    }, state !== "all" && el("i", { class: `dot ${{ placed: "good", weak: "fair", missing: "bad" }[state]}` }), `${count(counts[state])} ${state === "missing" ? "not placed" : state}`)));
+    // The buttons are made anew: whoever pressed one by key stays on it.
+    const focused = [...filters.children].indexOf(/** @type {Element} */ (document.activeElement));
+    filters.replaceChildren(...STATES.filter(([state]) => counts[state] > 0).map(([state, label, dot]) => el("button", {
+      type: "button", class: "chip", "aria-pressed": String(imageFilter === state),
+      onclick: () => store.set({ imageFilter: imageFilter === state ? "all" : state }),
+    }, dot !== "" && el("i", { class: `dot ${dot}` }), state === "all" ? `all ${count(counts.all)}` : `${count(counts[state])} ${label}`)));
+    /** @type {HTMLElement|undefined} */ (filters.children[focused])?.focus();
   }
 
   store.on(["opened", "report", "imageFilter"], summary);
-  store.on(["problems"], () => problems.replaceChildren(...store.state.problems.map(({ file, message, hint }) =>
-    el("div", { class: "notice bad" }, el("b", {}, file), `: ${message}`, hint && el("p", {}, hint)))));
   summary();
   return {
-    picturesChanged: () => {
-      grid.redraw();
-      view.reload();
-    },
+    picturesChanged: grid.redraw,
     redraw: () => {
       grid.redraw();
       view.redraw();

@@ -5,6 +5,10 @@
 const THUMBNAIL_PX = 160;
 /** Decoders at work at once: each holds a whole photograph for a moment. */
 const AT_ONCE = 2;
+/** Thumbnails kept, some 70 kB each: the oldest go. */
+const KEPT = 500;
+/** Keypoints are measured in the pixels as they are stored, so a photograph is not turned as its EXIF says. */
+const AS_STORED = /** @type {const} */ ({ imageOrientation: "none" });
 
 export class Pictures {
   constructor() {
@@ -24,7 +28,9 @@ export class Pictures {
     const byBase = new Map();
     for (const name of names) {
       const base = name.toLowerCase().split("/").at(-1) ?? name;
-      byBase.set(base, [...(byBase.get(base) ?? []), name]);
+      const same = byBase.get(base);
+      if (same) same.push(name);
+      else byBase.set(base, [name]);
     }
     let found = 0;
     for (const { path, file } of entries) {
@@ -35,6 +41,7 @@ export class Pictures {
       name ??= same?.length === 1 ? same[0] : undefined;
       if (name && !this.files.has(name)) {
         this.files.set(name, file);
+        this.thumbnails.delete(name);
         found += 1;
       }
     }
@@ -47,31 +54,56 @@ export class Pictures {
     if (known) return known;
     const file = this.files.get(name);
     if (!file) return Promise.resolve(null);
-    const made = this.turn().then(() => createImageBitmap(file, { resizeWidth: THUMBNAIL_PX, resizeQuality: "medium" }))
-      .catch(() => null).finally(() => this.done());
+    const made = this.decode(() => createImageBitmap(file, { resizeWidth: THUMBNAIL_PX, resizeQuality: "medium", ...AS_STORED }));
     this.thumbnails.set(name, made);
+    if (this.thumbnails.size > KEPT) {
+      const [oldest, bitmap] = /** @type {[string, Promise<ImageBitmap|null>]} */ (this.thumbnails.entries().next().value);
+      this.thumbnails.delete(oldest);
+      // Whoever has just asked for it may still be drawing.
+      setTimeout(() => bitmap.then((old) => old?.close()), 1000);
+    }
     return made;
   }
 
   /** @param {string} name @param {number} widthPx @returns {Promise<ImageBitmap|null>} */
-  async picture(name, widthPx) {
+  picture(name, widthPx) {
     const file = this.files.get(name);
-    if (!file) return null;
-    return createImageBitmap(file, { resizeWidth: Math.round(widthPx), resizeQuality: "high" }).catch(() => null);
+    if (!file) return Promise.resolve(null);
+    return this.decode(() => createImageBitmap(file, { resizeWidth: Math.round(widthPx), resizeQuality: "high", ...AS_STORED }));
   }
 
-  turn() {
-    if (this.busy < AT_ONCE) {
-      this.busy += 1;
-      return Promise.resolve();
+  /**
+   * A square piece of a photograph, in pixels of the image as the database knows it: the file may be a smaller copy.
+   * @param {string} name @param {number} x @param {number} y @param {number} side @param {number} imageWidthPx
+   * @returns {Promise<ImageBitmap|null>}
+   */
+  crop(name, x, y, side, imageWidthPx) {
+    const file = this.files.get(name);
+    if (!file) return Promise.resolve(null);
+    return this.decode(async () => {
+      const whole = await createImageBitmap(file, AS_STORED);
+      const zoom = whole.width / (imageWidthPx || whole.width);
+      try {
+        return await createImageBitmap(whole, Math.round(x * zoom), Math.round(y * zoom), Math.max(1, Math.round(side * zoom)), Math.max(1, Math.round(side * zoom)));
+      } finally {
+        whole.close();
+      }
+    });
+  }
+
+  /** @param {() => Promise<ImageBitmap>} work @returns {Promise<ImageBitmap|null>} */
+  async decode(work) {
+    if (this.busy >= AT_ONCE) await new Promise((/** @type {(value: void) => void} */ resolve) => this.queue.push(resolve));
+    else this.busy += 1;
+    try {
+      return await work();
+    } catch {
+      return null;
+    } finally {
+      const next = this.queue.shift();
+      if (next) next();
+      else this.busy -= 1;
     }
-    return new Promise((/** @type {(value: void) => void} */ resolve) => this.queue.push(() => resolve()));
-  }
-
-  done() {
-    const next = this.queue.shift();
-    if (next) next();
-    else this.busy -= 1;
   }
 
   clear() {

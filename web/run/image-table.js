@@ -7,7 +7,7 @@ import { median, standing } from "../inputs/reasons.js";
 /** @param {import("../store.js").Store} store @param {(image: number) => void} select */
 export function imageTable(store, select) {
   const body = el("tbody");
-  const node = el("details", { class: "block hidden" }, el("summary", {}, "Images as a table"),
+  const node = el("details", { class: "block hidden" }, el("summary", {}, "Images"),
     el("div", { class: "table" }, el("table", {}, el("thead", {}, el("tr", {}, el("th", {}, "image"), el("th", {}, "points"), el("th", {}, "error"), el("th", {}, "state"))), body)));
   const fill = () => {
     const report = store.state.report;

@@ -6,47 +6,35 @@ import { exportDialog } from "./export.js";
 import { imageTable } from "./image-table.js";
 import { log } from "./log.js";
 import { plots } from "./plots.js";
-import { defaults, editSettings } from "./settings.js";
-import { stageList } from "./stages.js";
+import { defaults, describe, editSettings } from "./settings.js";
+import { STAGES, stageList } from "./stages.js";
+
+const NAMES = new Map(/** @type {[string, string][]} */ (/** @type {unknown} */ (STAGES)));
 
 /**
  * @param {HTMLElement} panel @param {import("../store.js").Store} store @param {import("../engine/client.js").Engine} engine
- * @param {{ pickFiles: () => void, solve: (choice: import("./settings.js").Choice) => void, problem: (failure: import("../engine/protocol.js").Failure) => void, cancel: () => void }} on
+ * @param {{ pickFiles: () => void, solve: (choice: import("./settings.js").Choice) => void, stop: () => void, cancel: () => void, pause: () => void, problem: (failure: import("../engine/protocol.js").Failure) => void }} on
  */
 export function runPanel(panel, store, engine, on) {
   const { node: head, note } = heading("Run");
   const stages = stageList();
-  const charts = plots(store, (image) => store.set({ selection: { kind: "image", image } }));
+  const select = (/** @type {number} */ image) => store.set({ selection: { kind: "image", image }, seenBy: [] });
+  const charts = plots(store, select);
   const journal = log();
-  const table = imageTable(store, (image) => store.set({ selection: { kind: "image", image } }));
+  const table = imageTable(store, select);
   let choice = defaults();
-  let pausedAt = 0;
 
-  const memory = el("p", { class: "quiet hidden" });
+  const advice = el("p", { class: "quiet" });
+  const choiceText = el("span", { class: "quiet" });
   const main = el("button", { type: "button", class: "main" });
-  const pause = el("button", { type: "button" }, "Pause");
+  const pause = el("button", { type: "button", onclick: on.pause }, "Pause");
   const second = el("button", { type: "button" });
-  const settings = el("button", { type: "button", onclick: () => editSettings(choice, (next) => (choice = next)) }, "Settings");
-  const footer = el("div", { class: "actions-bar" }, main, second, pause, settings);
-  panel.append(el("div", { class: "run-scroll" }, el("div", { class: "pad" }, head, memory, stages.node, charts.node, table.node, journal.node)), footer);
+  const settings = el("button", { type: "button", class: "link", title: "Settings (,)", onclick: () => openSettings() }, "Settings");
+  const chosen = el("div", { class: "chosen" }, choiceText, settings);
+  const footer = el("div", { class: "actions-bar" }, main, second, pause);
+  panel.append(el("div", { class: "run-scroll", tabIndex: 0, role: "group", "aria-label": "Progress and plots" }, el("div", { class: "pad" }, head, advice, chosen, stages.node, charts.node, table.node, journal.node)), footer);
 
   const solve = () => on.solve(choice);
-  const stop = () => {
-    store.set({ phase: "stopping" });
-    engine.signal({ type: "stop" });
-  };
-  const togglePause = () => {
-    if (store.state.phase === "running") {
-      pausedAt = performance.now();
-      store.set({ phase: "paused" });
-      engine.signal({ type: "pause" });
-    } else if (store.state.phase === "paused") {
-      stages.waited(performance.now() - pausedAt);
-      store.set({ phase: "running" });
-      engine.signal({ type: "resume" });
-    }
-  };
-  pause.addEventListener("click", togglePause);
 
   /** The main action changes with the state. */
   function actions() {
@@ -55,44 +43,67 @@ export function runPanel(panel, store, engine, on) {
     /** @type {[string, (() => void)|null]} */
     const [label, act] = phase === "empty" ? ["Choose files", on.pickFiles]
       : phase === "opening" ? ["Reading…", null]
-      : phase === "ready" ? (canSolve ? ["Reconstruct", solve] : ["Download model", () => openExport()])
+      : phase === "ready" ? (canSolve ? ["Reconstruct", solve] : ["Download model", openExport])
       : phase === "stopping" ? ["Stopping…", null]
-      : phase === "done" ? ["Download model", () => openExport()]
-      : ["Stop and keep", stop];
+      : phase === "done" ? ["Download model", openExport]
+      : ["Stop and keep", on.stop];
     main.textContent = label;
     main.disabled = act === null;
     main.onclick = act;
-    const going = phase === "running" || phase === "paused" || phase === "stopping";
-    hide(pause, !going || phase === "stopping");
+    const going = phase === "running" || phase === "paused";
+    hide(pause, !going);
     pause.textContent = phase === "paused" ? "Go on" : "Pause";
     hide(second, !(going || (phase === "done" && canSolve)));
     second.textContent = going ? "Cancel" : "Solve again";
     second.onclick = going ? on.cancel : solve;
-    hide(settings, going || phase === "opening");
-    hide(stages.node, !(going || report !== null));
-    hide(memory, !(phase === "ready" && opened));
-    if (opened) memory.textContent = `${bytes(opened.bytes)} read; a solve will need about ${bytes(opened.predictedBytes)} of memory.`;
+    hide(stages.node, !(going || phase === "stopping" || report !== null));
+    hide(advice, going || phase === "stopping" || phase === "opening" || phase === "done");
+    hide(chosen, !(phase === "empty" || (canSolve && (phase === "ready" || phase === "done"))));
+    if (opened) {
+      advice.textContent = canSolve ? `${bytes(opened.bytes)} opened. Solving takes about ${bytes(opened.predictedBytes)} of memory and happens in this tab.`
+        : `A finished model of ${bytes(opened.bytes)}: look at it, filter it, download it in another format.`;
+    } else advice.textContent = "Stages, plots and the model to download appear here.";
+    choiceText.textContent = describe(choice);
+    stages.pause(phase === "paused");
+    tick();
   }
 
   function openExport() {
     exportDialog(store, engine, { ...choice.settings, backend: choice.backend }, on.problem);
   }
 
-  setInterval(() => {
-    if (store.state.phase !== "running" && store.state.phase !== "stopping") return;
+  function openSettings() {
+    editSettings(choice, (next) => {
+      choice = next;
+      actions();
+    });
+  }
+
+  function tick() {
+    const { phase } = store.state;
+    if (phase !== "running" && phase !== "stopping" && phase !== "paused") return;
     const { elapsed, left } = stages.clock();
-    note.textContent = `${duration(elapsed)}${left !== null ? ` · about ${duration(Math.max(left, 1))} left` : ""}`;
-  }, 250);
+    const text = phase === "paused" ? `paused at ${duration(elapsed)}` : `${duration(elapsed)}${left !== null ? ` · about ${duration(Math.max(left, 1))} left` : ""}`;
+    if (note.textContent !== text) note.textContent = text;
+  }
+  setInterval(tick, 500);
 
   store.on(["phase", "opened", "report"], actions);
   store.on(["opened"], () => {
     note.textContent = "";
+    stages.reset();
     charts.reset();
   });
   actions();
   return {
-    journal, charts, stages, solve, stop, togglePause,
-    redraw: charts.draw,
+    journal, solve, openSettings,
+    redraw: charts.redraw,
+    /** @param {import("../engine/protocol.js").MapperEvent} event */
+    event(event) {
+      stages.event(event);
+      if (event.event === "iteration") charts.iteration(event, (NAMES.get(event.stage) ?? event.stage).toLowerCase());
+    },
+    shown: (/** @type {import("../scene/panel.js").Shown} */ figures) => charts.errors(figures.histogram),
     begin() {
       stages.reset();
       charts.reset();
@@ -104,8 +115,10 @@ export function runPanel(panel, store, engine, on) {
       stages.finish(text, complete);
       note.textContent = duration(elapsed);
     },
+    /** Nothing of a run that was given up stays. */
+    clear: charts.reset,
     download: () => {
-      if (store.state.phase === "done" || store.state.opened?.kind === "model") openExport();
+      if (store.state.phase === "done" || (store.state.phase === "ready" && store.state.opened?.kind === "model")) openExport();
     },
   };
 }

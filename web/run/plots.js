@@ -1,116 +1,152 @@
-// Live plots: cost and damping an LM iteration, the histogram of errors, the error of every image.
+// Live plots: cost and damping an LM iteration, the histogram of errors, the error of every image. A plot is made once and fed;
+// during a solve it is fed a few times a second, so that drawing never holds the page up.
 
 import uPlot from "../vendor/uPlot.esm.js";
-import { el, heading, hide, perFrame, token } from "../ui/dom.js";
+import { el, heading, hide, token } from "../ui/dom.js";
 import { count, short } from "../ui/format.js";
 
-const HEIGHT = 120;
-const BINS = 40;
+const HEIGHT_PX = 116;
+/** Between two drawings of the same plot, ms. */
+const PACE_MS = 200;
+/** Iterations drawn: beyond, every other one goes. */
+const MAX_ITERATIONS = 1200;
+
+const FONT = "11px ui-sans-serif, system-ui, sans-serif";
+
+/** @param {Record<string, any>} [more] */
+const axis = (more = {}) => ({ stroke: token("--quiet"), grid: { stroke: token("--line"), width: 1 }, ticks: { show: false }, font: FONT, size: 22, gap: 4, ...more });
+/** Values are logarithms to base ten. */
+const powers = (/** @type {unknown} */ _, /** @type {number[]} */ values) => values.map((v) => short(10 ** v));
+const STEPS = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10];
+
+/** One plot in its block. */
+class Plot {
+  /** @param {string} title @param {string} note @param {() => Record<string, any>} options @param {string} label for readers */
+  constructor(title, note, options, label) {
+    const head = heading(title, note);
+    this.note = head.note;
+    this.box = el("div", { class: "plot", role: "img", "aria-label": label });
+    this.node = el("div", { class: "block hidden" }, head.node, this.box);
+    this.options = options;
+    /** @type {uPlot|null} */ this.chart = null;
+    /** @type {any[]} */ this.data = [];
+    this.timer = 0;
+    this.last = -Infinity;
+    new ResizeObserver(() => this.chart?.setSize({ width: this.width, height: HEIGHT_PX })).observe(this.node);
+  }
+
+  get width() {
+    return Math.max(160, this.node.clientWidth || 290);
+  }
+
+  /** @param {any[]} data columns; none: nothing to show */
+  feed(data) {
+    this.data = data;
+    const empty = data.length === 0 || data[0].length === 0;
+    hide(this.node, empty);
+    if (empty) this.forget();
+    else if (this.timer === 0) this.timer = window.setTimeout(() => this.draw(), Math.max(0, PACE_MS - (performance.now() - this.last)));
+  }
+
+  draw() {
+    this.timer = 0;
+    this.last = performance.now();
+    if (this.chart) this.chart.setData(/** @type {any} */ (this.data));
+    else this.chart = new uPlot(/** @type {any} */ ({ width: this.width, height: HEIGHT_PX, padding: [8, 6, 0, 0], legend: { show: false }, ...this.options() }), /** @type {any} */ (this.data), this.box);
+  }
+
+  forget() {
+    clearTimeout(this.timer);
+    this.timer = 0;
+    this.chart?.destroy();
+    this.chart = null;
+  }
+
+  /** In the colours of a new theme. */
+  restyle() {
+    if (!this.chart) return;
+    this.forget();
+    this.draw();
+  }
+}
 
 /** @param {import("../store.js").Store} store @param {(image: number) => void} select */
 export function plots(store, select) {
-  const cost = heading("Cost", "per LM iteration");
-  const costBox = el("div", { class: "plot" });
-  const errors = heading("Reprojection error", "points, px");
-  const errorBox = el("div", { class: "plot" });
-  const images = heading("Per image", "mean px, click to open");
-  const imageBox = el("div", { class: "plot" });
-  const costBlock = el("div", { class: "block hidden" }, cost.node, costBox);
-  const errorBlock = el("div", { class: "block hidden" }, errors.node, errorBox);
-  const imageBlock = el("div", { class: "block hidden" }, images.node, imageBox);
-  const node = el("div", {}, costBlock, errorBlock, imageBlock);
-  /** @type {{ cost: number[], damping: number[], active: number[] }} */
-  let history = { cost: [], damping: [], active: [] };
-  /** @type {number[][]} */ let histogram = [[], []];
-  /** @type {uPlot[]} */
-  let charts = [];
+  const cost = new Plot("Cost", "", () => ({
+    cursor: { y: false, points: { show: false } },
+    scales: { x: { time: false }, y: {}, damping: {} },
+    axes: [axis(), axis({ size: 42, values: powers, incrs: STEPS, space: 26 }), axis({ scale: "damping", side: 1, size: 42, values: powers, incrs: STEPS, space: 40, grid: { show: false } })],
+    series: [{}, { label: "cost", stroke: token("--accent"), width: 1.8, points: { show: false } },
+      { label: "damping", scale: "damping", stroke: token("--fair"), width: 1, dash: [3, 3], points: { show: false } }],
+  }), "Cost and damping of every iteration of the stage that runs, on logarithmic axes");
+  const bars = (/** @type {string} */ color) => ({ fill: token(color), stroke: token(color), width: 0, paths: uPlot.paths.bars?.({ size: [0.86] }), points: { show: false } });
+  const errors = new Plot("Errors", "", () => ({
+    cursor: { y: false, points: { show: false } },
+    scales: { x: { time: false } },
+    axes: [axis({ values: (/** @type {unknown} */ _, /** @type {number[]} */ v) => v.map((x, k) => (k === v.length - 1 ? `${short(x)} px` : short(x))) }), axis({ size: 42, space: 26, values: (/** @type {unknown} */ _, /** @type {number[]} */ v) => v.map((x) => (x >= 10_000 ? `${short(x / 1000)}k` : short(x))) })],
+    series: [{}, { label: "points", ...bars("--good") }],
+  }), "Histogram of the points' mean reprojection errors");
+  const images = new Plot("Per image", "mean px, click to open", () => ({
+    cursor: { y: false, points: { show: false } },
+    scales: { x: { time: false }, y: { range: (/** @type {unknown} */ _, /** @type {number} */ __, /** @type {number} */ high) => [0, high > 0 ? high * 1.05 : 1] } },
+    axes: [axis({ incrs: [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000] }), axis({ size: 42, space: 26 })],
+    series: [{}, { label: "px", ...bars("--quiet") }, { label: "selected", ...bars("--accent") }],
+    hooks: { ready: [(/** @type {uPlot} */ chart) => chart.over.addEventListener("click", () => {
+      const at = chart.cursor.idx;
+      if (typeof at === "number" && store.state.report?.images[at]) select(at);
+    })] },
+  }), "Mean reprojection error of every image");
+  const all = [cost, errors, images];
+  const node = el("div", {}, ...all.map((plot) => plot.node));
+  /** @type {{ iteration: number[], cost: number[], damping: number[] }} */
+  let history = { iteration: [], cost: [], damping: [] };
   let stage = "";
 
-  const axis = (/** @type {Record<string, any>} */ more = {}) => ({
-    stroke: token("--quiet"), grid: { stroke: token("--line"), width: 1 }, ticks: { show: false },
-    font: "11px system-ui, sans-serif", size: 34, gap: 3, ...more,
-  });
-  const width = () => Math.max(180, costBox.clientWidth || 290);
-  /** @param {HTMLElement} box @param {Record<string, any>} options @param {any} data */
-  const chart = (box, options, data) => {
-    box.replaceChildren();
-    const made = new uPlot(/** @type {any} */ ({ width: width(), height: HEIGHT, legend: { show: false }, cursor: { y: false, points: { show: false } }, ...options }), data, box);
-    charts.push(made);
-    return made;
-  };
-
-  const draw = perFrame(() => {
-    for (const old of charts) old.destroy();
-    charts = [];
-    hide(costBlock, history.cost.length === 0);
-    hide(errorBlock, histogram[0].length === 0);
+  function perImage() {
     const report = store.state.report;
-    hide(imageBlock, !report);
-    if (history.cost.length > 0) {
-      const latest = history.cost.length - 1;
-      cost.note.textContent = `${short(history.cost[latest])} · λ ${short(history.damping[latest])} · ${count(history.active[latest])} obs`;
-      const log = (/** @type {any} */ _, /** @type {number[]} */ values) => values.map((v) => (v === null ? "" : short(v)));
-      chart(costBox, {
-        scales: { x: { time: false }, y: { distr: 3 }, damping: { distr: 3 } },
-        axes: [axis({ label: "iteration", labelSize: 14, labelFont: "11px system-ui, sans-serif" }), axis({ values: log }), axis({ scale: "damping", side: 1, values: log, grid: { show: false } })],
-        series: [{}, { label: "cost", stroke: token("--accent"), width: 1.6, points: { show: false } }, { label: "damping", scale: "damping", stroke: token("--fair"), width: 1, dash: [3, 3], points: { show: false } }],
-      }, [history.cost.map((_, k) => k + 1), history.cost.map((c) => Math.max(c, 1e-12)), history.damping]);
-    }
-    if (histogram[0].length > 0) {
-      chart(errorBox, {
-        scales: { x: { time: false } },
-        axes: [axis(), axis({ size: 40 })],
-        series: [{}, { label: "points", fill: token("--good"), stroke: token("--good"), paths: uPlot.paths.bars?.({ size: [0.9] }), points: { show: false } }],
-      }, histogram);
-    }
-    if (report) {
-      const values = report.images.map((image) => image.mean_reprojection_error_px);
-      const bars = chart(imageBox, {
-        scales: { x: { time: false } },
-        axes: [axis({ label: "image", labelSize: 14, labelFont: "11px system-ui, sans-serif" }), axis()],
-        series: [{}, { label: "px", fill: token("--quiet"), stroke: token("--quiet"), paths: uPlot.paths.bars?.({ size: [0.9] }), points: { show: false } }],
-      }, [values.map((_, k) => k + 1), values]);
-      bars.over.addEventListener("click", () => {
-        const at = bars.cursor.idx;
-        if (at !== null && at !== undefined && report.images[at]) select(at);
-      });
-    }
-  });
-  new ResizeObserver(draw).observe(node);
-  store.on(["report"], draw);
+    if (!report) return images.feed([]);
+    const values = report.images.map((image) => image.mean_reprojection_error_px);
+    const { image } = store.state.selection;
+    images.feed([values.map((_, k) => k + 1), values.map((value, k) => (k === image ? null : value)), values.map((value, k) => (k === image ? value : null))]);
+  }
+  store.on(["report", "selection"], perImage);
 
   return {
     node,
-    draw,
+    redraw: () => all.forEach((plot) => plot.restyle()),
     reset() {
-      history = { cost: [], damping: [], active: [] };
-      histogram = [[], []];
+      history = { iteration: [], cost: [], damping: [] };
       stage = "";
-      draw();
+      cost.feed([]);
+      errors.feed([]);
+      perImage();
     },
-    /** @param {Extract<import("../engine/protocol.js").MapperEvent, { event: "iteration" }>} event */
-    iteration(event) {
+    /** @param {Extract<import("../engine/protocol.js").MapperEvent, { event: "iteration" }>} event @param {string} name of the stage */
+    iteration(event, name) {
       // Costs of different stages are in different units: one curve is one stage's.
       if (event.stage !== stage) {
         stage = event.stage;
-        history = { cost: [], damping: [], active: [] };
+        history = { iteration: [], cost: [], damping: [] };
       }
-      history.cost.push(event.cost);
-      history.damping.push(event.damping);
-      history.active.push(event.active_observations);
-      draw();
+      history.iteration.push((history.iteration.at(-1) ?? 0) + 1);
+      history.cost.push(Math.log10(Math.max(event.cost, 1e-12)));
+      history.damping.push(Math.log10(Math.max(event.damping, 1e-20)));
+      if (history.cost.length > MAX_ITERATIONS) for (const column of Object.values(history)) thin(column);
+      cost.note.textContent = `${name} · ${short(event.cost)} · λ ${short(event.damping)}`;
+      cost.note.title = `${count(event.active_observations)} observations in the system`;
+      cost.feed([history.iteration, history.cost, history.damping]);
     },
-    /** @param {Float32Array} pointErrors px, negative: unknown */
-    errors(pointErrors) {
-      const known = pointErrors.filter((error) => error >= 0);
-      if (known.length === 0) return;
-      const sorted = known.slice().sort();
-      const limit = Math.max(0.25, sorted[Math.floor(0.99 * (sorted.length - 1))]);
-      const bins = new Array(BINS).fill(0);
-      for (const error of known) bins[Math.min(BINS - 1, Math.floor((error / limit) * BINS))] += 1;
-      histogram = [bins.map((_, k) => ((k + 0.5) / BINS) * limit), bins];
-      errors.note.textContent = `median ${short(sorted[sorted.length >> 1])} px`;
-      draw();
+    /** @param {import("../scene/summary.js").Histogram|null} histogram */
+    errors(histogram) {
+      if (!histogram) return errors.feed([]);
+      errors.note.textContent = `of points, median ${short(histogram.median)} px`;
+      errors.feed([histogram.bins, histogram.counts]);
     },
   };
+}
+
+/** Drops every other value but keeps the last. @param {number[]} column */
+function thin(column) {
+  const kept = column.filter((_, k) => k % 2 === 0 || k === column.length - 1);
+  column.splice(0, column.length, ...kept);
 }

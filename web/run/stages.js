@@ -29,10 +29,13 @@ export function stageList() {
   const bar = el("progress", { max: 1, value: 0, "aria-label": "Progress" });
   const now = el("p", { class: "quiet now", "aria-live": "off" });
   const node = el("div", { class: "block" }, list, bar, now);
+  /** @type {Map<string, number>} */
+  const spent = new Map();
   let before = 0;
   let within = 0;
-  let started = 0;
+  let began = 0;
   let paused = 0;
+  let pausedAt = 0;
 
   const progress = () => Math.min(1, before + within);
 
@@ -43,19 +46,25 @@ export function stageList() {
         item.dataset.state = "waiting";
         label.textContent = name;
         time.textContent = "";
+        item.title = "";
       }
-      [before, within, started, paused] = [0, 0, performance.now(), 0];
+      spent.clear();
+      [before, within, began, paused, pausedAt] = [0, 0, performance.now(), 0, 0];
       bar.value = 0;
       now.textContent = "";
       hide(bar, false);
     },
-    /** @param {number} ms time that does not count */
-    waited(ms) {
-      paused += ms;
+    /** Time in which nothing is done does not count. @param {boolean} on */
+    pause(on) {
+      if (on && pausedAt === 0) pausedAt = performance.now();
+      else if (!on && pausedAt > 0) {
+        paused += performance.now() - pausedAt;
+        pausedAt = 0;
+      }
     },
     /** Seconds so far, and those left as far as the stages so far allow a guess. */
     clock() {
-      const elapsed = (performance.now() - started - paused) / 1000;
+      const elapsed = ((pausedAt > 0 ? pausedAt : performance.now()) - began - paused) / 1000;
       const done = progress();
       return { elapsed, left: done > 0.08 && elapsed > 2 ? (elapsed * (1 - done)) / done : null };
     },
@@ -72,15 +81,19 @@ export function stageList() {
         before = Math.max(before, STAGES.slice(0, index).reduce((sum, [id]) => sum + SHARE[id], 0));
         within = 0;
         now.textContent = `${item.name}${event.component > 0 ? ` of model ${event.component + 1}` : ""}`;
+        item.time.textContent = "";
       } else if (event.event === "progress") {
         within = event.total > 0 ? share * Math.min(1, event.done / event.total) : 0;
         now.textContent = `${item.name}: ${count(event.done)} of ${count(event.total)}`;
+        item.time.textContent = `${count(event.done)} / ${count(event.total)}`;
       } else if (event.event === "iteration") {
         now.textContent = `${item.name}: iteration ${event.iteration} · ${count(event.active_observations)} observations · λ ${short(event.damping)}`;
       } else if (event.event === "stage_finished") {
         item.node.dataset.state = "done";
         item.node.title = event.summary;
-        item.time.textContent = duration(event.seconds);
+        // Every component goes through it: the time of all of them.
+        spent.set(event.stage, (spent.get(event.stage) ?? 0) + event.seconds);
+        item.time.textContent = duration(spent.get(event.stage) ?? 0);
         within = share;
       }
       bar.value = progress();
@@ -88,7 +101,7 @@ export function stageList() {
     /** @param {string} text @param {boolean} complete */
     finish(text, complete) {
       if (complete) bar.value = 1;
-      for (const { node: item } of items.values()) if (item.dataset.state === "running") item.dataset.state = complete ? "done" : "waiting";
+      for (const { node: item } of items.values()) if (item.dataset.state === "running") item.dataset.state = complete ? "done" : "stopped";
       now.textContent = text;
     },
   };

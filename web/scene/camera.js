@@ -1,6 +1,7 @@
 // Where the scene is looked at from: orbit around a target, fly, and glide to a place.
 
-import { across, add, cross, dot, mix, orthographic, perspective, product, scale, sub, turn, unit, viewMatrix } from "./linear.js";
+import { distanceOf } from "./frame.js";
+import { add, cross, mix, orthographic, perspective, product, scale, sub, turn, unit, viewMatrix } from "./linear.js";
 
 /** @typedef {import("./linear.js").Vec3} Vec3 */
 
@@ -67,19 +68,26 @@ export class Camera {
     this.target = add(this.target, scale(move, this.distance));
   }
 
-  /**
-   * Sees the whole scene. @param {Vec3} center @param {number} radius @param {Vec3} up
-   * @param {Vec3|null} forward mean viewing direction of the photographs
-   */
-  frame(center, radius, up, forward) {
+  /** Sees the whole scene. @param {import("./frame.js").Frame} frame @param {number} aspect */
+  frame(frame, aspect) {
     this.gliding = null;
-    this.up = unit(up);
-    this.extent = Math.max(radius, 1e-9);
-    const ahead = forward ? sub(forward, scale(this.up, dot(forward, this.up))) : across(this.up);
-    const level = Math.hypot(...ahead) > 0.1 ? unit(ahead) : across(this.up);
-    this.forward = unit(sub(level, scale(this.up, 0.55)));
-    this.target = center;
-    this.distance = (1.15 * radius) / Math.tan(FOV_Y / 2);
+    this.up = frame.up;
+    this.extent = frame.radius;
+    this.forward = frame.forward;
+    this.target = frame.center;
+    this.distance = distanceOf(frame, aspect, Math.tan(FOV_Y / 2));
+  }
+
+  /**
+   * Stays where it is in a scene that was moved and scaled under it: solving fixes neither origin nor unit.
+   * @param {import("./frame.js").Frame} before @param {import("./frame.js").Frame} after
+   */
+  follow(before, after) {
+    const grown = after.radius / before.radius;
+    this.target = add(after.center, scale(sub(this.target, before.center), grown));
+    this.distance *= grown;
+    this.extent = after.radius;
+    this.gliding = null;
   }
 
   /** Glides to a place. @param {Vec3} target @param {Vec3} forward @param {number} distance @param {number} now ms @param {boolean} still without motion */

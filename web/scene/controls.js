@@ -2,7 +2,11 @@
 
 /** Radians a pixel of drag. */
 const ORBIT = 0.006;
-const KEY_STEP = 0.06;
+/** Held keys: distances to the target a second, radians a second. @type {Record<string, ["fly"|"orbit", number, number][]>} */
+const DRIVES = {
+  ArrowLeft: [["orbit", 0, -1.2]], ArrowRight: [["orbit", 0, 1.2]], ArrowUp: [["orbit", 1, -1.2]], ArrowDown: [["orbit", 1, 1.2]],
+  w: [["fly", 2, 0.9]], s: [["fly", 2, -0.9]], a: [["fly", 0, -0.9]], d: [["fly", 0, 0.9]], q: [["fly", 1, -0.9]], e: [["fly", 1, 0.9]],
+};
 /** A press that moves less than this is a click. */
 const CLICK_PX = 5;
 
@@ -59,18 +63,34 @@ export function startControls(canvas, view, on) {
     const lines = event.deltaMode === 1 ? 16 : 1;
     move("zoom", [Math.exp(Math.min(Math.max(event.deltaY * lines, -400), 400) * 0.0015)]);
   }, { passive: false });
+  // Keys move as long as they are held, at the screen's own pace: repeated key presses would stutter.
+  /** @type {Set<string>} */
+  const held = new Set();
+  const drive = () => {
+    /** @type {{ fly: number[], orbit: number[] }} */
+    const speed = { fly: [0, 0, 0], orbit: [0, 0] };
+    for (const key of held) DRIVES[key]?.forEach(([how, axis, amount]) => (speed[how][axis] += amount));
+    view.send({ type: "drive", ...speed });
+  };
   canvas.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
-    /** @type {Record<string, [string, number[]]>} */
-    const keys = {
-      ArrowLeft: ["orbit", [-0.08, 0]], ArrowRight: ["orbit", [0.08, 0]], ArrowUp: ["orbit", [0, -0.08]], ArrowDown: ["orbit", [0, 0.08]],
-      w: ["fly", [0, 0, KEY_STEP]], s: ["fly", [0, 0, -KEY_STEP]], a: ["fly", [-KEY_STEP, 0, 0]], d: ["fly", [KEY_STEP, 0, 0]],
-      q: ["fly", [0, -KEY_STEP, 0]], e: ["fly", [0, KEY_STEP, 0]], "+": ["zoom", [0.9]], "=": ["zoom", [0.9]], "-": ["zoom", [1.1]],
-    };
-    const hit = keys[event.key];
-    if (!hit) return;
+    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+    const zoom = { "+": 0.9, "=": 0.9, "-": 1.1 }[key];
+    if (!(key in DRIVES) && zoom === undefined) return;
     event.preventDefault();
     event.stopPropagation();
-    move(...hit);
+    if (zoom !== undefined) move("zoom", [zoom]);
+    else if (!held.has(key)) {
+      held.add(key);
+      drive();
+    }
   });
+  const release = (/** @type {string[]} */ keys) => {
+    const before = held.size;
+    for (const key of keys) held.delete(key);
+    if (held.size !== before) drive();
+  };
+  // The key may come up elsewhere, or never.
+  addEventListener("keyup", (/** @type {KeyboardEvent} */ event) => release([event.key.length === 1 ? event.key.toLowerCase() : event.key]));
+  canvas.addEventListener("blur", () => release([...held]));
 }

@@ -1,4 +1,4 @@
-// The three little programs that draw a scene: points, lines, and photographs in their frusta are lines too.
+// The little programs that draw a scene: points (and the rays of a selected one), and frusta as lines.
 
 export const POINTS = {
   vertex: `#version 300 es
@@ -7,12 +7,15 @@ layout(location = 1) in vec4 color;
 uniform mat4 clip_from_world;
 uniform float size_px;
 uniform int selected;
+uniform vec3 accent;
 out vec4 tint;
 void main() {
   gl_Position = clip_from_world * vec4(position, 1.0);
   bool is_selected = gl_VertexID == selected;
   gl_PointSize = is_selected ? size_px + 8.0 : size_px;
-  tint = is_selected ? vec4(0.35, 0.65, 1.0, 1.0) : color;
+  // A selected point is seen through what lies in front of it.
+  if (is_selected) gl_Position.z = -gl_Position.w;
+  tint = is_selected ? vec4(accent, 1.0) : color;
   // Filtered points carry no alpha: they are moved out of sight.
   if (color.a == 0.0) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
 }`,
@@ -23,7 +26,7 @@ uniform float size_px;
 out vec4 pixel;
 void main() {
   vec2 from_center = gl_PointCoord - 0.5;
-  if (size_px > 3.0 && dot(from_center, from_center) > 0.25) discard;
+  if (size_px > 2.0 && dot(from_center, from_center) > 0.25) discard;
   pixel = vec4(tint.rgb, 1.0);
 }`,
 };

@@ -13,7 +13,9 @@ export class Renderer {
     this.pointSize = 2;
     this.frustumSize = 1;
     this.selectedPoint = -1;
+    /** @type {[number, number, number]} */ this.accent = [88, 166, 255];
     this.numPoints = 0;
+    this.numRayEnds = 0;
     this.numCameras = 0;
     this.on = this.build();
   }
@@ -28,7 +30,7 @@ export class Renderer {
     const gl = this.gl;
     const points = link(gl, POINTS);
     const lines = link(gl, LINES);
-    const [position, color, pose, shape, cameraColor] = [0, 1, 2, 3, 4].map(() => gl.createBuffer());
+    const [position, color, pose, shape, cameraColor, ray, rayColor] = [0, 1, 2, 3, 4, 5, 6].map(() => gl.createBuffer());
     const cornerBuffer = gl.createBuffer();
     /** @param {WebGLBuffer|null} buffer @param {number} location @param {number} size @param {number} type @param {boolean} normalized @param {number} stride @param {number} offset @param {number} divisor */
     const attribute = (buffer, location, size, type, normalized, stride, offset, divisor) => {
@@ -41,6 +43,10 @@ export class Renderer {
     gl.bindVertexArray(pointArray);
     attribute(position, 0, 3, gl.FLOAT, false, 0, 0, 0);
     attribute(color, 1, 4, gl.UNSIGNED_BYTE, true, 0, 0, 0);
+    const rayArray = gl.createVertexArray();
+    gl.bindVertexArray(rayArray);
+    attribute(ray, 0, 3, gl.FLOAT, false, 0, 0, 0);
+    attribute(rayColor, 1, 4, gl.UNSIGNED_BYTE, true, 0, 0, 0);
     const lineArray = gl.createVertexArray();
     gl.bindVertexArray(lineArray);
     gl.bindBuffer(gl.ARRAY_BUFFER, cornerBuffer);
@@ -54,8 +60,8 @@ export class Renderer {
     /** @param {WebGLProgram} program @param {string[]} names */
     const uniforms = (program, names) => Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(program, name)]));
     return {
-      points, lines, position, color, pose, shape, cameraColor, pointArray, lineArray,
-      pointUniforms: uniforms(points, ["clip_from_world", "size_px", "selected"]),
+      points, lines, position, color, pose, shape, cameraColor, pointArray, lineArray, ray, rayColor, rayArray,
+      pointUniforms: uniforms(points, ["clip_from_world", "size_px", "selected", "accent"]),
       lineUniforms: uniforms(lines, ["clip_from_world", "size"]),
     };
   }
@@ -92,6 +98,14 @@ export class Renderer {
     this.upload(this.on.cameraColor, colors);
   }
 
+  /** Segments from a point to its cameras. @param {Float32Array} ends xyz @param {[number, number, number]} rgb */
+  setRays(ends, rgb) {
+    this.numRayEnds = ends.length / 3;
+    if (this.numRayEnds === 0) return;
+    this.upload(this.on.ray, ends);
+    this.upload(this.on.rayColor, Uint8Array.from({ length: 4 * this.numRayEnds }, (_, k) => (k % 4 === 3 ? 255 : rgb[k % 4])));
+  }
+
   /** @param {Float32Array} clipFromWorld */
   draw(clipFromWorld) {
     const gl = this.gl;
@@ -106,7 +120,14 @@ export class Renderer {
       gl.uniform1f(on.pointUniforms.size_px, this.pointSize);
       gl.uniform1i(on.pointUniforms.selected, this.selectedPoint);
       gl.bindVertexArray(on.pointArray);
+      gl.uniform3f(on.pointUniforms.accent, this.accent[0] / 255, this.accent[1] / 255, this.accent[2] / 255);
       gl.drawArrays(gl.POINTS, 0, this.numPoints);
+      if (this.numRayEnds > 0) {
+        gl.uniform1i(on.pointUniforms.selected, -1);
+        gl.uniform1f(on.pointUniforms.size_px, 1);
+        gl.bindVertexArray(on.rayArray);
+        gl.drawArrays(gl.LINES, 0, this.numRayEnds);
+      }
     }
     if (this.numCameras > 0 && this.frustumSize > 0) {
       gl.useProgram(on.lines);

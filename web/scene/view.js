@@ -5,15 +5,18 @@ import { policedWorker } from "../engine/client.js";
 export class View {
   /**
    * @param {HTMLCanvasElement} canvas
-   * @param {{ shown: (points: number, legend: import("./colors.js").Legend) => void, unavailable: (message: string) => void }} told
+   * @param {{ shown: (figures: import("./panel.js").Shown) => void, unavailable: (message: string) => void }} told
    */
   constructor(canvas, told) {
     this.canvas = canvas;
+    this.generation = 0;
     this.worker = policedWorker("../scene/worker.js");
     /** @type {Map<number, (hit: {point: number|null, image: number|null}) => void>} */
     this.picks = new Map();
     this.worker.onmessage = ({ data }) => {
-      if (data.type === "shown") told.shown(data.points, data.legend);
+      // Figures of a scene that was cleared meanwhile are nobody's.
+      if (data.type === "shown" && data.generation !== this.generation) return;
+      if (data.type === "shown") told.shown(data);
       else if (data.type === "unavailable") told.unavailable(data.message);
       else if (data.type === "picked") {
         this.picks.get(data.id)?.(data);
@@ -40,6 +43,11 @@ export class View {
   show(snapshot) {
     const arrays = Object.values(snapshot).filter((value) => ArrayBuffer.isView(value)).map((value) => value.buffer);
     this.send({ type: "snapshot", snapshot }, [...new Set(arrays)]);
+  }
+
+  clear() {
+    this.generation += 1;
+    this.send({ type: "clear", generation: this.generation });
   }
 
   /** @param {number} x @param {number} y CSS px @returns {Promise<{point: number|null, image: number|null}>} */

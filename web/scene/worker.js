@@ -5,25 +5,37 @@ import { categorical, pointColors, ramp } from "./colors.js";
 import { frameOf } from "./frame.js";
 import { pick } from "./picking.js";
 import { Renderer } from "./renderer.js";
+import { histogram } from "./summary.js";
 
 /** @typedef {import("../engine/protocol.js").Snapshot} Snapshot */
+
+/** Few points are drawn large, many small: px at most so many points. */
+const SIZES = /** @type {const} */ ([[2_000, 4.5], [15_000, 3.2], [80_000, 2.4], [Infinity, 1.7]]);
+/** Figures for the page, ms apart at least while solving. */
+const FIGURES_MS = 200;
 
 const camera = new Camera();
 /** @type {Renderer|null} */
 let renderer = null;
 /** @type {Snapshot|null} */
 let snapshot = null;
+/** @type {import("./frame.js").Frame|null} */
+let frame = null;
 /** @type {Uint8Array} */
 let colors = new Uint8Array();
-let framed = false;
+/** Whether the person moved the view: from then on it is theirs. */
+let moved = false;
 let pending = false;
+let lastDraw = 0;
+let lastFigures = -Infinity;
+/** Of the scene that is shown, counted by the page. */
+let generation = 0;
 let size = { width: 1, height: 1, ratio: 1 };
-let spacing = 1;
 const look = {
   /** @type {import("./colors.js").ColorBy} */ by: "rgb",
   filter: { maxErrorPx: Infinity, minTrack: 2 },
   /** @type {number|null} */ component: null,
-  pointSize: 2,
+  pointScale: 1,
   frustumScale: 1,
   /** @type {"plain"|"error"|"component"} */ frustaBy: "plain",
   /** @type {[number, number, number]} */ frustumColor: [217, 170, 74],
@@ -31,16 +43,28 @@ const look = {
   /** @type {(number|null)[]} */ imageErrors: [],
   still: false,
 };
-let selectedImage = -1;
+/** @type {{ image: number, partner: number, point: number, seenBy: number[] }} */
+let selected = { image: -1, partner: -1, point: -1, seenBy: [] };
+/** What keys held down ask for, a second. @type {{ fly: [number, number, number], orbit: [number, number] }} */
+let drive = { fly: [0, 0, 0], orbit: [0, 0] };
+
+const aspect = () => size.width / Math.max(size.height, 1);
 
 function requestDraw() {
   if (pending) return;
   pending = true;
   requestAnimationFrame((now) => {
     pending = false;
-    const more = camera.advance(now);
-    renderer?.draw(camera.matrix(size.width / size.height));
-    if (more) requestDraw();
+    const seconds = Math.min((now - lastDraw) / 1000, 0.05);
+    lastDraw = now;
+    const driven = [...drive.fly, ...drive.orbit].some((speed) => speed !== 0);
+    if (driven) {
+      camera.fly(/** @type {any} */ (drive.fly.map((speed) => speed * seconds)));
+      camera.orbit(drive.orbit[0] * seconds, drive.orbit[1] * seconds);
+    }
+    const gliding = camera.advance(now);
+    renderer?.draw(camera.matrix(aspect()));
+    if (gliding || driven) requestDraw();
   });
 }
 
@@ -48,7 +72,13 @@ function paintPoints() {
   if (!snapshot || !renderer) return;
   const painted = pointColors(snapshot, look.by, look.filter, look.component);
   colors = painted.colors;
-  postMessage({ type: "shown", points: painted.shown, legend: painted.legend });
+  const now = performance.now();
+  if (!snapshot.final && now - lastFigures < FIGURES_MS) return;
+  lastFigures = now;
+  postMessage({
+    type: "shown", generation, shown: painted.shown, points: snapshot.positions.length / 3, cameras: snapshot.cameraImage.length,
+    legend: painted.legend, histogram: histogram(snapshot.errors, colors), final: snapshot.final,
+  });
 }
 
 function cameraColors() {
@@ -56,9 +86,10 @@ function cameraColors() {
   const out = new Uint8Array(4 * current.cameraImage.length);
   const errors = look.imageErrors.filter((e) => e !== null).map(Number).sort((a, b) => a - b);
   const high = errors[Math.floor(0.98 * errors.length)] || 1;
+  const seenBy = new Set(selected.seenBy);
   current.cameraImage.forEach((image, k) => {
     if (look.component !== null && current.cameraComponent[k] !== look.component) return;
-    const rgb = image === selectedImage ? look.accent
+    const rgb = image === selected.image || image === selected.partner || seenBy.has(image) ? look.accent
       : look.frustaBy === "component" ? categorical(current.cameraComponent[k])
       : look.frustaBy === "error" && look.imageErrors[image] !== null ? ramp(Number(look.imageErrors[image] ?? 0) / high)
       : look.frustumColor;
@@ -67,24 +98,43 @@ function cameraColors() {
   return out;
 }
 
+/** Lines from the selected point to the cameras that see it. */
+function rays() {
+  if (!snapshot || selected.point < 0) return new Float32Array();
+  const point = snapshot.positions.subarray(3 * selected.point, 3 * selected.point + 3);
+  const cameras = snapshot.cameras;
+  return new Float32Array(selected.seenBy.flatMap((image) => {
+    const k = /** @type {Snapshot} */ (snapshot).cameraImage.indexOf(image);
+    return k < 0 ? [] : [...point, cameras[12 * k + 3], cameras[12 * k + 7], cameras[12 * k + 11]];
+  }));
+}
+
 function paintCameras() {
-  if (snapshot) renderer?.setCameraColors(cameraColors());
+  if (!snapshot || !renderer) return;
+  renderer.setCameraColors(cameraColors());
+  renderer.setRays(rays(), look.accent);
+}
+
+function sizes() {
+  if (!renderer) return;
+  const numPoints = (snapshot?.positions.length ?? 0) / 3;
+  const px = SIZES.find(([most]) => numPoints <= most)?.[1] ?? 2;
+  renderer.pointSize = px * look.pointScale * size.ratio;
+  renderer.frustumSize = (frame?.spacing ?? 1) * look.frustumScale;
 }
 
 /** @param {Snapshot} next */
 function show(next) {
   snapshot = next;
   paintPoints();
+  const before = frame;
+  frame = frameOf(next);
+  if (frame && !moved) camera.frame(frame, aspect());
+  else if (frame && before) camera.follow(before, frame);
   renderer?.setPoints(next.positions, colors);
   renderer?.setCameras(next.cameras, next.cameraShape, cameraColors());
-  const frame = frameOf(next);
-  spacing = frame.spacing;
-  if (renderer) renderer.frustumSize = spacing * look.frustumScale;
-  // The person's own view is not taken away: framed once, and again when the result is there and nothing was moved.
-  if (!framed && next.positions.length > 0) {
-    camera.frame(frame.center, frame.radius, frame.up, frame.forward);
-    framed = !next.final ? false : true;
-  }
+  renderer?.setRays(rays(), look.accent);
+  sizes();
   requestDraw();
 }
 
@@ -108,53 +158,58 @@ const commands = {
     if (!renderer) return;
     renderer.canvas.width = Math.max(1, Math.round(width * ratio));
     renderer.canvas.height = Math.max(1, Math.round(height * ratio));
-    renderer.pointSize = look.pointSize * ratio;
+    sizes();
+    if (frame && !moved) camera.frame(frame, aspect());
     requestDraw();
   },
   snapshot({ snapshot: next }) { show(next); },
-  clear() {
-    snapshot = null;
-    framed = false;
-    selectedImage = -1;
+  clear({ generation: next }) {
+    generation = next;
+    [snapshot, frame, moved, lastFigures] = [null, null, false, -Infinity];
+    selected = { image: -1, partner: -1, point: -1, seenBy: [] };
     colors = new Uint8Array();
     renderer?.setPoints(new Float32Array(), colors);
     renderer?.setCameras(new Float32Array(), new Float32Array(), colors);
+    renderer?.setRays(new Float32Array(), look.accent);
     if (renderer) renderer.selectedPoint = -1;
     requestDraw();
   },
   look(change) {
     Object.assign(look, change.look);
-    if (renderer) {
-      renderer.pointSize = look.pointSize * size.ratio;
-      renderer.frustumSize = spacing * look.frustumScale;
-      if (change.look.background) renderer.background = change.look.background;
-    }
+    if (renderer && change.look.background) renderer.background = change.look.background;
+    if (renderer) renderer.accent = look.accent;
+    sizes();
     if (["by", "filter", "component"].some((name) => name in change.look)) {
+      lastFigures = -Infinity;
       paintPoints();
       renderer?.setPointColors(colors);
     }
     paintCameras();
     requestDraw();
   },
-  select({ image, point }) {
-    selectedImage = image ?? -1;
-    if (renderer) renderer.selectedPoint = point ?? -1;
+  select({ image, partner, point, seenBy }) {
+    selected = { image: image ?? -1, partner: partner ?? -1, point: point ?? -1, seenBy: seenBy ?? [] };
+    if (renderer) renderer.selectedPoint = selected.point;
     paintCameras();
     requestDraw();
   },
   move({ how, amount }) {
-    framed = true;
+    moved = true;
     if (how === "orbit") camera.orbit(amount[0], amount[1]);
     else if (how === "look") camera.look(amount[0], amount[1]);
     else if (how === "pan") camera.pan(amount[0], amount[1]);
-    else if (how === "zoom") camera.zoom(amount[0]);
-    else camera.fly(amount);
+    else camera.zoom(amount[0]);
+    requestDraw();
+  },
+  drive(asked) {
+    moved = true;
+    drive = { fly: asked.fly, orbit: asked.orbit };
+    lastDraw = performance.now();
     requestDraw();
   },
   frame() {
-    if (!snapshot) return;
-    const { center, radius, up, forward } = frameOf(snapshot);
-    camera.frame(center, radius, up, forward);
+    moved = false;
+    if (frame) camera.frame(frame, aspect());
     requestDraw();
   },
   projection({ orthographic }) {
@@ -165,23 +220,23 @@ const commands = {
   snap({ image }) {
     const k = snapshot?.cameraImage.indexOf(image) ?? -1;
     if (!snapshot || k < 0) return;
-    framed = true;
+    moved = true;
     const m = snapshot.cameras.subarray(12 * k, 12 * k + 12);
     const distance = camera.extent * 0.5;
     const [forward, center] = [[m[2], m[6], m[10]], [m[3], m[7], m[11]]];
-    camera.up = [-m[1], -m[5], -m[9]];
     const target = center.map((c, axis) => c + forward[axis] * distance);
     camera.glide(/** @type {any} */ (target), /** @type {any} */ (forward), distance, performance.now(), look.still);
     requestDraw();
   },
   goTo({ point }) {
     if (!snapshot) return;
+    moved = true;
     const target = /** @type {any} */ ([...snapshot.positions.subarray(3 * point, 3 * point + 3)]);
     camera.glide(target, camera.forward, Math.min(camera.distance, camera.extent * 0.3), performance.now(), look.still);
     requestDraw();
   },
   pick({ id, x, y }) {
-    const hit = snapshot ? pick(snapshot, colors, camera.matrix(size.width / size.height), x, y, size.width, size.height, look.frustumScale > 0) : { point: null, camera: null };
+    const hit = snapshot ? pick(snapshot, colors, camera.matrix(aspect()), x, y, size.width, size.height, look.frustumScale > 0) : { point: null, camera: null };
     const image = hit.camera === null || !snapshot ? null : snapshot.cameraImage[hit.camera];
     postMessage({ type: "picked", id, point: hit.point, image });
   },

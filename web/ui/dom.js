@@ -42,13 +42,16 @@ export function perFrame(draw) {
   };
 }
 
-/** A canvas sized for the screen's pixels; returns its context scaled to CSS pixels. @param {HTMLCanvasElement} canvas */
+/**
+ * A canvas sized for the screen's pixels; returns its context scaled to CSS pixels. It is kept off the graphics device: small
+ * drawings do not pay there, and the solver is using it. @param {HTMLCanvasElement} canvas
+ */
 export function sharpContext(canvas) {
   const ratio = Math.min(devicePixelRatio || 1, 2);
   const { width, height } = canvas.getBoundingClientRect();
   const [w, h] = [Math.max(1, Math.round(width * ratio)), Math.max(1, Math.round(height * ratio))];
   if (canvas.width !== w || canvas.height !== h) [canvas.width, canvas.height] = [w, h];
-  const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
+  const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d", { willReadFrequently: true }));
   context.setTransform(ratio, 0, 0, ratio, 0, 0);
   context.clearRect(0, 0, width, height);
   return { context, width, height };

@@ -8,10 +8,11 @@ export const count = (n) => whole.format(n).replaceAll(",", "\u202f");
 /** "1 image", "3 images". @param {number} n @param {string} one @param {string} [many] */
 export const plural = (n, one, many = `${one}s`) => `${count(n)} ${n === 1 ? one : many}`;
 
-/** 0.8 → "0.8 s", 75 → "1:15". @param {number} seconds */
+/** 0.08 → "80 ms", 8.04 → "8.0 s", 75 → "1:15". @param {number} seconds */
 export function duration(seconds) {
   if (!Number.isFinite(seconds)) return "";
-  if (seconds < 60) return `${seconds.toFixed(1)} s`;
+  if (seconds < 0.0995) return `${Math.round(seconds * 1000)} ms`;
+  if (seconds < 59.95) return `${seconds.toFixed(1)} s`;
   const s = Math.round(seconds);
   const [h, m] = [Math.floor(s / 3600), Math.floor((s % 3600) / 60)];
   const two = (/** @type {number} */ n) => String(n).padStart(2, "0");

@@ -1,5 +1,6 @@
 // One registry of shortcuts: what listens is what the panel lists.
 
+import { dialog } from "./dialog.js";
 import { el } from "./dom.js";
 
 /** @typedef {{ keys: string[], what: string, run: (event: KeyboardEvent) => void }} Shortcut */
@@ -12,14 +13,18 @@ export function addShortcuts(shortcuts) {
   registry.push(...shortcuts);
 }
 
-/** Whether a key press is meant for a field or a dialog. @param {EventTarget|null} target */
-function isTyping(target) {
-  return target instanceof HTMLElement && (target.isContentEditable || /^(INPUT|SELECT|TEXTAREA)$/.test(target.tagName) || target.closest("dialog") !== null);
+/** Whether a key press is meant for a field, a dialog or a button. @param {KeyboardEvent} event */
+function isTaken({ target, key }) {
+  if (!(target instanceof HTMLElement)) return false;
+  if (target.closest("dialog") !== null) return true;
+  if (target.tagName === "INPUT" && /** @type {HTMLInputElement} */ (target).type === "checkbox") return key === " ";
+  if (/^(INPUT|SELECT|TEXTAREA)$/.test(target.tagName)) return key !== "?" || target.tagName !== "SELECT";
+  return (key === "Enter" || key === " ") && target.closest("button, summary, a") !== null;
 }
 
 export function startShortcuts() {
   addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey || isTyping(event.target)) return;
+    if (event.ctrlKey || event.metaKey || event.altKey || isTaken(event)) return;
     const hit = registry.find((shortcut) => shortcut.keys.includes(event.key));
     if (!hit) return;
     event.preventDefault();
@@ -30,13 +35,7 @@ export function startShortcuts() {
 export function showShortcuts() {
   const rows = registry.map(({ keys, what }) =>
     el("tr", {}, el("td", {}, ...keys.flatMap((key, k) => [k > 0 ? " " : "", el("kbd", {}, key === " " ? "space" : key)])), el("td", {}, what)));
-  const mouse = [["drag", "orbit"], ["right drag, two fingers", "pan"], ["wheel, pinch", "zoom"], ["click", "select a point or a camera"], ["double click", "fly to it"]]
+  const mouse = [["drag", "orbit"], ["right drag, two fingers", "pan"], ["wheel, pinch", "zoom"], ["click", "select a point or a camera"], ["double click", "fly to it"], ["arrow keys", "orbit, when the scene has the focus"], ["W A S D Q E", "fly, when the scene has the focus"], ["+ −", "zoom, when the scene has the focus"]]
     .map(([key, what]) => el("tr", {}, el("td", {}, key), el("td", {}, what)));
-  const close = el("button", { type: "button", onclick: () => dialog.close() }, "Close");
-  const dialog = el("dialog", { "aria-labelledby": "shortcuts-title", onclose: () => dialog.remove() },
-    el("h2", { id: "shortcuts-title" }, "Shortcuts"),
-    el("table", {}, el("tbody", {}, ...rows, ...mouse)),
-    el("div", { class: "actions" }, close));
-  document.body.append(dialog);
-  dialog.showModal();
+  dialog({ title: "Shortcuts" }, el("table", { class: "shortcuts" }, el("tbody", {}, ...rows, ...mouse))).show();
 }

@@ -1,0 +1,214 @@
+// What happens to a scene: it is opened, joined by photographs and depth maps, solved, paused, stopped, given up. Everything
+// that changes the phase is here.
+
+import { Refusal } from "./engine/client.js";
+import { sort } from "./files/intake.js";
+import { count, plural } from "./ui/format.js";
+
+/**
+ * @typedef {import("./engine/protocol.js").Entry} Entry
+ * @typedef {import("./engine/protocol.js").Failure} Failure
+ * @typedef {import("./engine/protocol.js").Snapshot} Snapshot
+ * @typedef {import("./run/settings.js").Choice} Choice
+ */
+
+const RUNNING = ["running", "paused", "stopping"];
+
+export class Session {
+  /**
+   * @param {import("./store.js").Store} store @param {import("./engine/client.js").Engine} engine
+   * @param {import("./inputs/pictures.js").Pictures} pictures
+   * @param {{ reading: (text: string, done?: number, total?: number) => void, draw: (snapshot: Snapshot) => void, cleared: () => void,
+   *   began: () => void, ended: (text: string, complete: boolean) => void, say: (text: string, kind?: "plain"|"fair"|"bad") => void,
+   *   picturesChanged: () => void }} on
+   */
+  constructor(store, engine, pictures, on) {
+    this.store = store;
+    this.engine = engine;
+    this.pictures = pictures;
+    this.on = on;
+    /** Raised when a newer scene was asked for: what is still on its way from the older one is dropped. */
+    this.scene = 0;
+    /** A model's picture comes before the answer that it is open. @type {Snapshot|null} */
+    this.early = null;
+    /** @type {AbortController|null} */
+    this.loading = null;
+    this.cancelled = false;
+    /** Photographs came while a run was on its way. */
+    this.late = false;
+  }
+
+  get running() {
+    return RUNNING.includes(this.store.state.phase);
+  }
+
+  /** @param {Failure} failure */
+  problem(failure) {
+    this.store.set({ problems: [...this.store.state.problems, failure] });
+    this.on.say(`${failure.file}: ${failure.message}${failure.hint ? `; ${failure.hint}` : ""}`, "bad");
+  }
+
+  /** @param {unknown} error @param {string} file */
+  refuse(error, file) {
+    if (error instanceof Refusal) this.problem(error.failure);
+    else this.problem({ file, message: /** @type {Error} */ (error)?.message ?? String(error), hint: "" });
+  }
+
+  /** @param {Snapshot} snapshot */
+  snapshot(snapshot) {
+    const { phase, opened } = this.store.state;
+    if (phase === "opening") this.early = snapshot;
+    else if (opened !== null && !this.cancelled) {
+      // Ten pictures a second: the page hears of it only when cameras have come or gone.
+      if (snapshot.final || snapshot.cameraImage.length !== this.store.state.placed.size) this.store.set({ placed: new Set(snapshot.cameraImage) });
+      this.on.draw(snapshot);
+    }
+  }
+
+  /** Everything of the scene before goes. @param {import("./store.js").Phase} phase */
+  clear(phase) {
+    this.pictures.clear();
+    this.late = false;
+    this.early = null;
+    this.store.forget(phase);
+    this.on.cleared();
+  }
+
+  /**
+   * Reads what was dropped, picked or named by address. A scene that is open, or being solved, goes only when there is another.
+   * @param {(signal: AbortSignal) => Promise<Entry[]>} entries @param {string} [what] what is being read
+   */
+  async open(entries, what = "the files") {
+    this.loading?.abort();
+    const loading = (this.loading = new AbortController());
+    const stale = () => loading.signal.aborted;
+    const { opened } = this.store.state;
+    this.store.set({ problems: [], ...(opened ? {} : { phase: "opening" }) });
+    this.on.reading(`Reading ${what}`);
+    let named = what;
+    try {
+      const sorted = await sort(await entries(loading.signal), (text) => stale() || this.on.reading(text));
+      if (stale()) return;
+      for (const failure of sorted.refused) this.problem(failure);
+      named = sorted.open[0]?.path ?? named;
+      if (sorted.open.length > 0) await this.replace(sorted.open, stale);
+      else if (!this.store.state.opened) this.store.set({ phase: "empty" });
+      if (stale()) return;
+      if (sorted.pictures.length + sorted.depths.length > 0) await this.attach(sorted.pictures, sorted.depths);
+      else if (sorted.open.length === 0 && sorted.refused.length === 0) {
+        this.problem({ file: named, message: "there is no database, model or photograph in it", hint: "drop a database.db, or a folder that holds one" });
+      }
+    } catch (error) {
+      if (stale()) return;
+      this.refuse(error, named);
+      if (!this.store.state.opened) this.clear("empty");
+    }
+  }
+
+  /** @param {Entry[]} entries @param {() => boolean} stale */
+  async replace(entries, stale) {
+    this.scene += 1;
+    if (this.running) this.engine.restart();
+    this.clear("opening");
+    this.on.reading(`Reading ${entries[0].path}`);
+    /** @type {import("./engine/protocol.js").Opened} */
+    const opened = await this.engine.ask({ type: "open", entries });
+    if (stale()) return;
+    this.cancelled = false;
+    this.store.set({ opened, phase: "ready" });
+    if (this.early) this.snapshot(this.early);
+    this.early = null;
+    for (const warning of opened.warnings) this.on.say(warning, "fair");
+  }
+
+  /** Stops reading: what was there before is gone already, nothing new comes. */
+  giveUp() {
+    this.scene += 1;
+    this.loading?.abort();
+    this.engine.restart();
+    this.clear("empty");
+  }
+
+  /** @param {Entry[]} photographs @param {Entry[]} depths */
+  async attach(photographs, depths) {
+    const { opened } = this.store.state;
+    if (!opened) {
+      this.problem({ file: photographs[0]?.path ?? depths[0]?.path, message: photographs.length > 0 ? "photographs alone cannot be reconstructed: their matches are missing" : "depth maps alone cannot be reconstructed", hint: "match them with COLMAP (feature_extractor, then exhaustive_matcher) and drop its database.db, with or without them" });
+      return;
+    }
+    const mine = this.scene;
+    const found = this.pictures.add(photographs, opened.images.map((image) => image.name));
+    if (photographs.length > 0 && this.pictures.files.size === 0) this.problem({ file: photographs[0].path, message: "none of these photographs is in the database", hint: `it names ${opened.images[0]?.name ?? "none"}, for example: names must agree` });
+    if (found > 0) {
+      this.on.say(`${plural(found, "photograph")} for ${count(opened.images.length)} images`);
+      this.store.set({ pictures: this.pictures.files.size });
+      this.on.picturesChanged();
+      // A run that is on its way has its colours already planned: the engine takes photographs before it and after it.
+      if (this.running) this.late = true;
+      else await this.sendPictures();
+      if (mine !== this.scene) return;
+    }
+    if (depths.length > 0) this.problem({ file: depths[0].path, message: "depth maps are not used in the tab yet", hint: "the command line takes them: epipole reconstruct --depth-dir" });
+  }
+
+  async sendPictures() {
+    this.late = false;
+    await this.engine.ask({ type: "pictures", entries: [...this.pictures.files].map(([path, file]) => ({ path, file })) });
+  }
+
+  /** @param {Choice} choice */
+  async solve(choice) {
+    const mine = this.scene;
+    const { opened } = this.store.state;
+    if (!opened || opened.kind !== "database" || this.running) return;
+    this.cancelled = false;
+    this.on.cleared();
+    this.store.set({ phase: "running", report: null, problems: [], selection: { kind: "none" }, seenBy: [], component: null, placed: new Set(), imageFilter: "all" });
+    this.on.began();
+    try {
+      const report = await this.engine.ask({ type: "solve", ...choice });
+      if (mine !== this.scene) return;
+      this.store.set({ report, phase: "done" });
+      this.on.ended(`${report.stopped ? "Stopped: " : ""}${count(report.num_registered)} of ${plural(report.num_images, "image")} placed.`, !report.stopped);
+      for (const warning of report.warnings) this.on.say(warning, "fair");
+    } catch (error) {
+      if (mine !== this.scene) return;
+      if (this.cancelled) this.on.say("Cancelled.");
+      else this.refuse(error, opened.name);
+      this.on.cleared();
+      if (this.store.state.opened) this.store.set({ phase: "ready", placed: new Set() });
+    }
+    if (this.late && mine === this.scene) await this.sendPictures();
+  }
+
+  stop() {
+    if (!["running", "paused"].includes(this.store.state.phase)) return;
+    this.store.set({ phase: "stopping" });
+    this.engine.signal({ type: "stop" });
+  }
+
+  /** Gives the solve up: the worker ends at its next breath and the scene is as it was opened. */
+  cancel() {
+    if (!this.running) return;
+    this.cancelled = true;
+    this.store.set({ phase: "stopping" });
+    this.engine.signal({ type: "cancel" });
+  }
+
+  togglePause() {
+    const { phase } = this.store.state;
+    if (phase !== "running" && phase !== "paused") return;
+    this.store.set({ phase: phase === "running" ? "paused" : "running" });
+    this.engine.signal({ type: phase === "running" ? "pause" : "resume" });
+  }
+
+  /** The engine died. @param {string} message @param {boolean} started whether it ever ran */
+  died(message, started) {
+    // One that never started would not start the next time either.
+    const hint = started ? "this is a mistake of ours: copy the report from the log; the page can be used on" : "reload the page; a browser of the last two years is needed";
+    this.scene += 1;
+    this.problem({ file: "the engine", message, hint });
+    if (started) this.engine.restart();
+    this.clear("empty");
+  }
+}
