@@ -3,7 +3,7 @@
 use epipole_formats::depth::attach_depths;
 use epipole_geometry::camera::CameraModel;
 use epipole_scene::depth::DepthOptions;
-use epipole_tests::synth::{DepthModel, Options, Scene, generate, give_depths, write_depth_maps};
+use epipole_tests::synth::{DepthModel, MapFiles, Options, Scene, generate, give_depths, write_depth_maps};
 
 fn scene(models: Vec<CameraModel>) -> Scene {
     let options = Options {
@@ -24,7 +24,7 @@ fn maps_bring_back_the_depths_they_were_made_of() {
     let model = DepthModel { share: 0.7, relative_noise: 0.02, missing_map_share: 0.4, seed: 3, ..Default::default() };
     give_depths(&mut scene, &model).expect("depths");
     let folder = tempfile::tempdir().expect("a folder");
-    write_depth_maps(&scene, folder.path()).expect("written");
+    write_depth_maps(&scene, folder.path(), &MapFiles::default()).expect("written");
     let mut graph = scene.graph.clone();
     graph.images.iter_mut().for_each(|image| image.depths = None);
     let options = DepthOptions::default();
@@ -77,6 +77,13 @@ fn errors_are_as_asked_and_rays_end_at_points() {
     }
     let (share, gross_share) = (f64::from(known) / f64::from(real), f64::from(gross) / f64::from(known));
     assert!((share - 0.5).abs() < 0.08 && (gross_share - 0.1).abs() < 0.06, "{share} of {real}, {gross_share}");
+    for wrong in [
+        DepthModel { share: 1.5, ..model },
+        DepthModel { relative_noise: f64::NAN, ..model },
+        DepthModel { bias: -1.0, ..model },
+    ] {
+        assert!(give_depths(&mut scene, &wrong).is_err(), "{wrong:?}");
+    }
     let mut without = Scene { depth_m: None, ..scene };
     assert!(give_depths(&mut without, &model).is_err());
 }

@@ -1,14 +1,31 @@
 //! The committed fixtures are what the synthesiser makes today.
 
+use std::path::{Path, PathBuf};
+
 use epipole_formats::bal::read_bal;
+use epipole_formats::depth::attach_depths;
 use epipole_formats::{ReadOptions, read_database, read_model};
 use epipole_geometry::Rigid3;
 use epipole_scene::ViewGraph;
-use epipole_tests::fixtures::{folder, scenes, write_all};
-use epipole_tests::synth::{BalPerturbation, bal_problem};
+use epipole_scene::depth::DepthOptions;
+use epipole_tests::fixtures::{ORBIT_MAPS, folder, scenes, write_all};
+use epipole_tests::synth::{BalPerturbation, bal_problem, write_depth_maps};
 
 /// The sine and cosine of another C library may differ in the last bit; a keypoint is an f32 of up to 2000 px.
 const KEYPOINT_TOLERANCE_PX: f64 = 1e-3;
+
+/// One unit of the maps.
+const DEPTH_TOLERANCE_M: f64 = 0.0011;
+
+/// Names of the images without a map, and the depths of all other images' keypoints, 0 where there is none.
+fn depths_in(maps: &Path, graph: &ViewGraph) -> (Vec<String>, Vec<f64>) {
+    let mut graph = graph.clone();
+    graph.images.iter_mut().for_each(|image| image.depths = None);
+    let input = attach_depths(&mut graph, maps, None, &DepthOptions::default(), &mut |_, _| true).expect("maps");
+    let found = graph.images.iter().filter_map(|image| image.depths.as_ref());
+    let depths_m = found.flat_map(|depths| depths.iter().map(|depth| depth.map_or(0.0, |d| d.z_m))).collect();
+    (input.missing, depths_m)
+}
 
 fn same_pose(a: Option<Rigid3>, b: Option<Rigid3>) -> bool {
     match (a, b) {
@@ -56,6 +73,14 @@ fn committed_files_are_up_to_date() {
         assert!(a.position.distance(b.position) < 1e-6);
     }
 
+    let made = tempfile::tempdir().expect("a temporary folder");
+    write_depth_maps(&orbit, made.path(), &ORBIT_MAPS).expect("maps");
+    let [committed, made] = [&folder().join("orbit/depth"), made.path()].map(|maps| depths_in(maps, &orbit.graph));
+    assert_eq!((&committed.0, committed.1.len()), (&made.0, made.1.len()));
+    for (a, b) in committed.1.iter().zip(&made.1) {
+        assert!(a == b || (a - b).abs() < DEPTH_TOLERANCE_M, "{a} m and {b} m");
+    }
+
     let bal = read_bal(&folder().join("bal/problem-8-pre.txt")).expect("the BAL fixture");
     let made = bal_problem(&street, &BalPerturbation::default()).expect("a problem");
     assert_eq!((bal.cameras.len(), bal.points.len()), (made.cameras.len(), made.points.len()));
@@ -73,16 +98,32 @@ fn writing_twice_gives_the_same_bytes() {
     for folder in &folders {
         write_all(folder.path()).expect("writing");
     }
-    for file in ["orbit/database.db", "orbit/truth/images.txt", "orbit/truth/points3D.txt", "bal/problem-8-pre.txt"] {
-        let [a, b] = [0, 1].map(|i| std::fs::read(folders[i].path().join(file)).expect("a file"));
-        assert!(a == b, "{file} differs");
+    for file in files_below(folders[0].path()) {
+        let [a, b] = [0, 1].map(|i| std::fs::read(folders[i].path().join(&file)).expect("a file"));
+        assert!(a == b, "{} differs", file.display());
     }
 }
 
 #[test]
 fn the_repository_stays_small() {
-    let size = |path: &std::path::Path| std::fs::metadata(path).expect("a file").len();
-    let files = ["orbit/database.db", "orbit/truth/images.txt", "orbit/truth/points3D.txt", "bal/problem-8-pre.txt"];
-    let total: u64 = files.iter().map(|f| size(&folder().join(f))).sum();
-    assert!(total < 500_000, "the fixtures have grown to {total} bytes");
+    let size = |path: &PathBuf| std::fs::metadata(folder().join(path)).expect("a file").len();
+    let total: u64 = files_below(&folder()).iter().map(size).sum();
+    assert!(total < 800_000, "the fixtures have grown to {total} bytes");
+}
+
+/// All files, relative to the folder.
+fn files_below(folder: &Path) -> Vec<PathBuf> {
+    let (mut files, mut folders) = (Vec::new(), vec![folder.to_owned()]);
+    while let Some(current) = folders.pop() {
+        for entry in std::fs::read_dir(&current).expect("a folder") {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                files.push(path.strip_prefix(folder).expect("below").to_owned());
+            }
+        }
+    }
+    files.sort();
+    files
 }

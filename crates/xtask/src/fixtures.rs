@@ -52,6 +52,9 @@ pub(crate) fn damage(arguments: &DamageArguments) -> Result<(), Error> {
         let _ = std::fs::remove_dir_all(&output);
         let mut command = Command::new(&program);
         command.arg("reconstruct").arg(database).arg("--output").arg(&output).stdin(Stdio::null());
+        if name.starts_with("depth_") {
+            command.arg("--depth-dir").arg(database.with_extension("maps"));
+        }
         let result = command.output().map_err(|source| Error::NotStarted {
             program: program.display().to_string(),
             source,
@@ -60,7 +63,7 @@ pub(crate) fn damage(arguments: &DamageArguments) -> Result<(), Error> {
         let said = String::from_utf8_lossy(&result.stderr);
         let message = said.lines().find(|l| l.contains("error") || l.contains("warning")).unwrap_or("(no complaint)");
         let code = result.status.code();
-        println!("{name:26} exit {} {message}", code.map_or("-".to_string(), |c| c.to_string()));
+        println!("{name:32} exit {} {message}", code.map_or("-".to_string(), |c| c.to_string()));
         let clean = code == Some(0) || !output.join("0").exists();
         if said.contains("panicked") || !matches!(code, Some(0..=2)) || !clean {
             bad.push(name);

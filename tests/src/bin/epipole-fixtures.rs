@@ -7,9 +7,10 @@ use clap::{Args, Parser, Subcommand};
 use epipole_geometry::camera::CameraModel;
 use epipole_scene::statistics::Statistics;
 use epipole_tests::synth::{
-    BalPerturbation, FocalKnowledge, Kind, Options, StoredPoses, generate, write_bal, write_scene,
+    BalPerturbation, DepthModel, FocalKnowledge, Kind, MapFiles, MapFormat, Options, Scene, StoredPoses, generate,
+    give_depths, write_bal, write_depth_maps, write_scene,
 };
-use epipole_tests::{damage, fixtures};
+use epipole_tests::{damage, depth_damage, fixtures};
 
 /// Makes synthetic scenes with a known truth, and broken databases.
 #[derive(Parser)]
@@ -23,11 +24,20 @@ struct Cli {
 enum Command {
     /// A scene as a COLMAP database with its truth as a COLMAP text model, and as a BAL file if asked.
     Synth(Synth),
-    /// The repository's fixture in every broken state, one database each.
+    /// The repository's fixture in every broken state, one database each, beside it NAME.maps where depth maps are broken.
     Damage {
         /// Where to write them.
         #[arg(long, value_name = "DIR")]
         output: PathBuf,
+    },
+    /// The fixture with descriptors beside its keypoints, which is what makes real databases large.
+    Large {
+        /// The database.
+        #[arg(long, value_name = "FILE")]
+        output: PathBuf,
+        /// Its size at least.
+        #[arg(long)]
+        bytes: u64,
     },
     /// Writes the repository's fixtures again.
     Fixtures {
@@ -72,6 +82,9 @@ struct Synth {
     /// COLMAP's camera models, given to the cameras in turn.
     #[arg(long, value_delimiter = ',', default_value = "SIMPLE_RADIAL", value_parser = parse_model)]
     models: Vec<CameraModel>,
+    /// Focal length over the larger side of an image; 0.9 is a typical photograph, 0.4 a wide lens.
+    #[arg(long, default_value_t = 0.9)]
+    focal_ratio: f64,
     /// The database guesses the focal lengths.
     #[arg(long, conflicts_with = "exif_error")]
     guess_focal: bool,
@@ -90,9 +103,51 @@ struct Synth {
     /// Folder for `database.db` and `truth/`.
     #[arg(long, value_name = "DIR")]
     output: PathBuf,
+    #[command(flatten)]
+    depth: Depth,
     /// Also write a perturbed BAL problem.
     #[arg(long, value_name = "FILE")]
     bal: Option<PathBuf>,
+}
+
+/// Depth maps beside the database, in `depth/`.
+#[derive(Args)]
+struct Depth {
+    /// Write depth maps.
+    #[arg(long)]
+    depth: bool,
+    /// Share of the keypoints with depth.
+    #[arg(long, requires = "depth", default_value_t = 1.0)]
+    depth_share: f64,
+    /// Standard deviation of the depths' relative error.
+    #[arg(long, requires = "depth", default_value_t = 0.02)]
+    depth_noise: f64,
+    /// Share of the depths that are anything between a quarter and four times the truth.
+    #[arg(long, requires = "depth", default_value_t = 0.0)]
+    depth_outliers: f64,
+    /// Share of the maps whose depths are all too large.
+    #[arg(long, requires = "depth", default_value_t = 0.0)]
+    depth_biased_maps: f64,
+    /// By how much, as a share of the depth.
+    #[arg(long, requires = "depth", default_value_t = 0.1, allow_negative_numbers = true)]
+    depth_bias: f64,
+    /// Share of the images without a map.
+    #[arg(long, requires = "depth", default_value_t = 0.0)]
+    depth_missing_maps: f64,
+    /// The maps' pixels are this many times as large as the images'.
+    #[arg(long, requires = "depth", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
+    depth_shrink: u64,
+    /// npy in metres or png in millimetres.
+    #[arg(long, requires = "depth", default_value = "png", value_parser = parse_map_format)]
+    depth_format: MapFormat,
+}
+
+fn parse_map_format(text: &str) -> Result<MapFormat, String> {
+    match text {
+        "npy" => Ok(MapFormat::Npy),
+        "png" => Ok(MapFormat::Png),
+        _ => Err(format!("`{text}` is not a format of depth maps; write npy or png")),
+    }
 }
 
 fn parse_size(text: &str) -> Result<[u64; 2], String> {
@@ -108,6 +163,7 @@ fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Synth(arguments) => synth(&arguments),
         Command::Damage { output } => damage_all(&output),
+        Command::Large { output, bytes } => fixtures::write_large(&output, bytes).map_err(Into::into),
         Command::Fixtures { output } => fixtures::write_all(&output).map_err(Into::into),
     };
     match result {
@@ -122,7 +178,7 @@ fn main() -> ExitCode {
 type AnyError = Box<dyn std::error::Error>;
 
 fn synth(arguments: &Synth) -> Result<(), AnyError> {
-    let scene = generate(&Options {
+    let mut scene = generate(&Options {
         kind: arguments.kind,
         num_images: arguments.images,
         num_points: arguments.points,
@@ -135,6 +191,7 @@ fn synth(arguments: &Synth) -> Result<(), AnyError> {
         max_pairs_per_image: arguments.pairs_per_image,
         num_cameras: arguments.cameras,
         models: arguments.models.clone(),
+        focal_ratio: arguments.focal_ratio,
         focal: match (arguments.guess_focal, arguments.exif_error) {
             (true, _) => FocalKnowledge::Guessed,
             (false, Some(relative_error)) => FocalKnowledge::Exif { relative_error },
@@ -142,9 +199,13 @@ fn synth(arguments: &Synth) -> Result<(), AnyError> {
         },
         poses: if arguments.no_poses { StoredPoses::Absent } else { StoredPoses::Estimated },
         loop_closure: arguments.loop_closure,
+        depth: arguments.depth.depth,
         ..Options::default()
     })?;
     write_scene(&scene, &arguments.output)?;
+    if arguments.depth.depth {
+        depth_maps(&mut scene, arguments)?;
+    }
     let (truth, graph) = (&scene.truth, &scene.graph);
     println!(
         "{}: {} images, {} cameras, {} pairs with {} verified matches; truth: {} points, {} observations, {:.3} px",
@@ -164,6 +225,33 @@ fn synth(arguments: &Synth) -> Result<(), AnyError> {
     Ok(())
 }
 
+fn depth_maps(scene: &mut Scene, arguments: &Synth) -> Result<(), AnyError> {
+    let depth = &arguments.depth;
+    give_depths(
+        scene,
+        &DepthModel {
+            share: depth.depth_share,
+            relative_noise: depth.depth_noise,
+            gross_share: depth.depth_outliers,
+            biased_map_share: depth.depth_biased_maps,
+            bias: depth.depth_bias,
+            missing_map_share: depth.depth_missing_maps,
+            seed: arguments.seed,
+            ..DepthModel::default()
+        },
+    )?;
+    let folder = arguments.output.join("depth");
+    write_depth_maps(scene, &folder, &MapFiles { format: depth.depth_format, shrink: depth.depth_shrink })?;
+    let maps = scene.graph.images.iter().filter_map(|image| image.depths.as_ref());
+    println!(
+        "{}: {} depth maps, {} keypoints with depth",
+        folder.display(),
+        maps.clone().count(),
+        maps.map(|depths| depths.num_known()).sum::<usize>()
+    );
+    Ok(())
+}
+
 fn damage_all(output: &Path) -> Result<(), AnyError> {
     std::fs::create_dir_all(output)?;
     for damage in damage::ALL {
@@ -171,6 +259,14 @@ fn damage_all(output: &Path) -> Result<(), AnyError> {
         std::fs::copy(fixtures::folder().join("orbit/database.db"), &path)?;
         damage.apply(&path)?;
         println!("{}", path.display());
+    }
+    for damage in depth_damage::ALL {
+        let path = output.join(format!("depth_{}.db", damage.name));
+        std::fs::copy(fixtures::folder().join("orbit/database.db"), &path)?;
+        let maps = path.with_extension("maps");
+        fixtures::copy_depth_maps(&maps)?;
+        damage.apply(&maps)?;
+        println!("{}", maps.display());
     }
     Ok(())
 }

@@ -5,9 +5,6 @@ use epipole_geometry::camera::{Camera, CameraFamily, CameraModel};
 use super::options::{FocalKnowledge, Options};
 use super::random::{Random, Stream};
 
-/// A typical photograph: the focal length is 0.9 times the larger side (56° across).
-const FOCAL_RATIO: f64 = 0.9;
-
 /// Cameras in pairs of truth and belief, and which image uses which.
 pub(crate) struct Cameras {
     pub(crate) truth: Vec<Camera>,
@@ -26,7 +23,7 @@ pub(crate) fn build(options: &Options, zoom: &[f64]) -> Cameras {
         let model = options.models[c % options.models.len()];
         // Cameras of one make still differ by a few per cent.
         let variation = if count == 1 { 1.0 } else { random.uniform(0.96, 1.04) };
-        let focal_px = FOCAL_RATIO * larger_side * zoom[c] * variation;
+        let focal_px = options.focal_ratio * larger_side * zoom[c] * variation;
         truth.push(camera(c, model, options.image_size_px, focal_px, true, true));
         stored.push(match options.focal {
             FocalKnowledge::Exact => truth[c].clone(),

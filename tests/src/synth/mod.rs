@@ -19,7 +19,7 @@ mod write;
 
 pub use bal::{BalPerturbation, bal_problem, write_bal};
 pub use circuit::{Circuit, CircuitScene, circuit};
-pub use depth::{DepthModel, give_depths, write_depth_maps};
+pub use depth::{DepthModel, MapFiles, MapFormat, give_depths, write_depth_maps};
 pub use error::SynthError;
 pub use options::{FocalKnowledge, Kind, Options, StoredPoses};
 pub use scene::{Scene, generate};

@@ -103,6 +103,8 @@ pub struct Options {
     pub num_cameras: usize,
     /// Models, given to the cameras in turn.
     pub models: Vec<CameraModel>,
+    /// Focal length over the larger side of an image.
+    pub focal_ratio: f64,
     /// What the database knows of the focal lengths.
     pub focal: FocalKnowledge,
     /// Which relative poses stand in the database.
@@ -134,6 +136,8 @@ impl Default for Options {
             max_pairs_per_image: None,
             num_cameras: 1,
             models: vec![CameraModel::SimpleRadial],
+            // A typical photograph: 58° across.
+            focal_ratio: 0.9,
             focal: FocalKnowledge::Exact,
             poses: StoredPoses::Estimated,
             loop_closure: false,
@@ -160,6 +164,9 @@ impl Options {
         }
         if !(self.noise_px >= 0.0 && self.noise_px.is_finite()) {
             return bad("noise_px", self.noise_px.to_string(), "0 or a positive number of pixels");
+        }
+        if !(0.1..=100.0).contains(&self.focal_ratio) {
+            return bad("focal_ratio", self.focal_ratio.to_string(), "0.1 to 100 times the larger side of an image");
         }
         if self.models.is_empty() {
             return bad("models", "empty".into(), "at least one camera model");
