@@ -87,7 +87,9 @@ export class Session {
     this.on.reading(`Reading ${what}`);
     let named = what;
     try {
-      const sorted = await sort(await entries(loading.signal), (text) => stale() || this.on.reading(text));
+      const given = await entries(loading.signal);
+      named = given[0]?.path.split("/")[0] ?? named;
+      const sorted = await sort(given, (text) => stale() || this.on.reading(text));
       if (stale()) return;
       for (const failure of sorted.refused) this.problem(failure);
       named = sorted.open[0]?.path ?? named;
@@ -115,6 +117,8 @@ export class Session {
     const opened = await this.engine.ask({ type: "open", entries });
     if (stale()) return;
     this.cancelled = false;
+    // Every database is called database.db: its folder tells them apart.
+    if (opened.kind === "database") opened.name = entries[0].path.split("/").slice(-2).join("/");
     this.store.set({ opened, phase: "ready" });
     if (this.early) this.snapshot(this.early);
     this.early = null;

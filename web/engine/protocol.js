@@ -29,6 +29,7 @@
  * @property {Float32Array} cameras 12 numbers a camera: world_from_cam, 3 × 4 by rows
  * @property {Float32Array} cameraShape 4 numbers a camera: half width, half height over focal length; offset of the principal point
  * @property {Uint16Array} cameraComponent
+ * @property {Float32Array} cameraErrors mean reprojection error a camera, px, −1 unknown
  * @property {boolean} final
  *
  * @typedef {object} ImageReport

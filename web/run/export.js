@@ -53,7 +53,7 @@ export function exportDialog(store, engine, settings, failed) {
       const all = { maxErrorPx: Infinity, minTrack: 2 };
       /** @type {{ path: string, bytes: Uint8Array<ArrayBuffer> }[]} */
       const files = await engine.ask({ type: "export", formats, component: which.value === "" ? null : Number(which.value), filter: filtered && applyFilter.checked ? filter : all, settings });
-      const base = (opened?.name ?? "scene").replace(/\.[^.]+$/, "");
+      const base = (opened?.name ?? "scene").replace(/\/database\.db$/, "").replace(/\.[^.]+$/, "").replaceAll("/", "_");
       if (asZip.checked || files.length > MOST_FILES) save(`${base}.zip`, [await zip(files)], "application/zip");
       else for (const { path, bytes } of files) save(path.replaceAll("/", "_"), [bytes]);
     } catch (error) {

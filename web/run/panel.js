@@ -103,7 +103,7 @@ export function runPanel(panel, store, engine, on) {
       stages.event(event);
       if (event.event === "iteration") charts.iteration(event, (NAMES.get(event.stage) ?? event.stage).toLowerCase());
     },
-    shown: (/** @type {import("../scene/panel.js").Shown} */ figures) => charts.errors(figures.histogram),
+    shown: charts.shown,
     begin() {
       stages.reset();
       charts.reset();

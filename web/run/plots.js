@@ -93,7 +93,7 @@ export function plots(store, select) {
     series: [{}, { label: "px", ...bars("--quiet") }, { label: "selected", ...bars("--accent") }],
     hooks: { ready: [(/** @type {uPlot} */ chart) => chart.over.addEventListener("click", () => {
       const at = chart.cursor.idx;
-      if (typeof at === "number" && store.state.report?.images[at]) select(at);
+      if (typeof at === "number" && store.state.opened?.images[at]) select(at);
     })] },
   }), "Mean reprojection error of every image");
   const all = [cost, errors, images];
@@ -102,14 +102,14 @@ export function plots(store, select) {
   let history = { iteration: [], cost: [], damping: [] };
   let stage = "";
 
+  /** Mean errors by image, px; of a camera without observations nothing. @type {(number|null)[]} */
+  let values = [];
   function perImage() {
-    const report = store.state.report;
-    if (!report) return images.feed([]);
-    const values = report.images.map((image) => image.mean_reprojection_error_px);
+    if (values.every((value) => value === null)) return images.feed([]);
     const { image } = store.state.selection;
     images.feed([values.map((_, k) => k + 1), values.map((value, k) => (k === image ? null : value)), values.map((value, k) => (k === image ? value : null))]);
   }
-  store.on(["report", "selection"], perImage);
+  store.on(["selection"], perImage);
 
   return {
     node,
@@ -119,6 +119,7 @@ export function plots(store, select) {
       stage = "";
       cost.feed([]);
       errors.feed([]);
+      values = [];
       perImage();
     },
     /** @param {Extract<import("../engine/protocol.js").MapperEvent, { event: "iteration" }>} event @param {string} name of the stage */
@@ -136,11 +137,15 @@ export function plots(store, select) {
       cost.note.title = `${count(event.active_observations)} observations in the system`;
       cost.feed([history.iteration, history.cost, history.damping]);
     },
-    /** @param {import("../scene/summary.js").Histogram|null} histogram */
-    errors(histogram) {
-      if (!histogram) return errors.feed([]);
-      errors.note.textContent = `of points, median ${short(histogram.median)} px`;
-      errors.feed([histogram.bins, histogram.counts]);
+    /** What the scene shows now. @param {import("../scene/panel.js").Shown} figures */
+    shown({ histogram, cameraImage, cameraErrors }) {
+      if (histogram) {
+        errors.note.textContent = `of points, median ${short(histogram.median)} px`;
+        errors.feed([histogram.bins, histogram.counts]);
+      } else errors.feed([]);
+      values = new Array(store.state.opened?.images.length ?? 0).fill(null);
+      cameraImage.forEach((image, k) => (values[image] = cameraErrors[k] >= 0 ? cameraErrors[k] : null));
+      perImage();
     },
   };
 }

@@ -20,6 +20,9 @@ export function categorical(k) {
   return [channel(0), channel(8), channel(4)];
 }
 
+/** What the engine paints points that no photograph has coloured (`UNCOLORED` of crates/web/src/snapshot.rs). */
+const UNCOLORED = [190, 196, 206];
+
 /** @typedef {"rgb"|"error"|"track"|"component"} ColorBy */
 /** @typedef {{ label: string, low: string, high: string }|null} Legend */
 
@@ -38,21 +41,25 @@ function range(values) {
  * RGBA for every point; alpha 0 where the filter takes it out.
  * @param {import("../engine/protocol.js").Snapshot} snapshot @param {ColorBy} by
  * @param {{maxErrorPx: number, minTrack: number}} filter @param {number|null} component
+ * @param {[number, number, number]} plain for points without a colour of their own
  * @returns {{ colors: Uint8Array, shown: number, legend: Legend }}
  */
-export function pointColors(snapshot, by, filter, component) {
+export function pointColors(snapshot, by, filter, component, plain) {
   const count = snapshot.positions.length / 3;
   const colors = new Uint8Array(4 * count);
   const values = by === "error" ? snapshot.errors : snapshot.tracks;
   const [low, high] = by === "error" || by === "track" ? range(values) : [0, 1];
   const spread = high - low || 1;
   let shown = 0;
+  const uncolored = UNCOLORED.every((channel, k) => snapshot.colors[k] === channel);
   for (let p = 0; p < count; p += 1) {
     const kept = snapshot.errors[p] <= filter.maxErrorPx && snapshot.tracks[p] >= filter.minTrack
       && (component === null || snapshot.pointComponent[p] === component);
     if (!kept) continue;
     shown += 1;
-    const rgb = by === "rgb" ? snapshot.colors.subarray(3 * p, 3 * p + 3)
+    // Not known yet: neither good nor bad.
+    const unknown = by === "error" && values[p] < 0;
+    const rgb = unknown ? plain : by === "rgb" ? (uncolored ? plain : snapshot.colors.subarray(3 * p, 3 * p + 3))
       : by === "component" ? categorical(snapshot.pointComponent[p])
       : ramp((values[p] - low) / spread);
     colors[4 * p] = rgb[0];

@@ -12,6 +12,7 @@ import { View } from "./view.js";
 /**
  * @typedef {object} Shown
  * @property {number} shown points that pass the filter @property {number} points @property {number} cameras
+ * @property {Uint32Array} cameraImage @property {Float32Array} cameraErrors mean px, −1 unknown
  * @property {import("./colors.js").Legend} legend @property {import("./summary.js").Histogram|null} histogram
  */
 
@@ -98,17 +99,14 @@ export function scenePanel(panel, store, engine, pictures, on) {
       return [(hex >> 16) & 255, (hex >> 8) & 255, hex & 255];
     };
     look({
-      background: rgb("--ground").map((x) => x / 255), frustumColor: rgb("--frustum"), accent: rgb("--accent"),
+      background: rgb("--ground").map((x) => x / 255), frustumColor: rgb("--frustum"), accent: rgb("--accent"), plain: rgb("--point"),
       still: matchMedia("(prefers-reduced-motion: reduce)").matches,
     });
     cards.redraw();
   }
 
   store.on(["selection"], highlight);
-  store.on(["report"], () => {
-    look({ imageErrors: (store.state.report?.images ?? []).map((image) => image.mean_reprojection_error_px) });
-    describe();
-  });
+  store.on(["report"], describe);
   store.on(["filter", "component"], () => look({ filter: store.state.filter, component: store.state.component }));
   store.on(["phase", "opened", "placed"], () => hide(tools.node, store.state.opened === null || !cards.node.classList.contains("hidden")));
   function clear() {

@@ -40,7 +40,7 @@ const look = {
   /** @type {"plain"|"error"|"component"} */ frustaBy: "plain",
   /** @type {[number, number, number]} */ frustumColor: [217, 170, 74],
   /** @type {[number, number, number]} */ accent: [88, 166, 255],
-  /** @type {(number|null)[]} */ imageErrors: [],
+  /** @type {[number, number, number]} */ plain: [190, 196, 206],
   still: false,
 };
 /** @type {{ image: number, partner: number, point: number, seenBy: number[] }} */
@@ -70,28 +70,29 @@ function requestDraw() {
 
 function paintPoints() {
   if (!snapshot || !renderer) return;
-  const painted = pointColors(snapshot, look.by, look.filter, look.component);
+  const painted = pointColors(snapshot, look.by, look.filter, look.component, look.plain);
   colors = painted.colors;
   const now = performance.now();
   if (!snapshot.final && now - lastFigures < FIGURES_MS) return;
   lastFigures = now;
   postMessage({
     type: "shown", generation, shown: painted.shown, points: snapshot.positions.length / 3, cameras: snapshot.cameraImage.length,
-    legend: painted.legend, histogram: histogram(snapshot.errors, colors), final: snapshot.final,
+    legend: painted.legend, histogram: histogram(snapshot.errors, colors),
+    cameraImage: snapshot.cameraImage.slice(), cameraErrors: snapshot.cameraErrors.slice(),
   });
 }
 
 function cameraColors() {
   const current = /** @type {Snapshot} */ (snapshot);
   const out = new Uint8Array(4 * current.cameraImage.length);
-  const errors = look.imageErrors.filter((e) => e !== null).map(Number).sort((a, b) => a - b);
+  const errors = Float32Array.from(current.cameraErrors).filter((e) => e >= 0).sort();
   const high = errors[Math.floor(0.98 * errors.length)] || 1;
   const seenBy = new Set(selected.seenBy);
   current.cameraImage.forEach((image, k) => {
     if (look.component !== null && current.cameraComponent[k] !== look.component) return;
     const rgb = image === selected.image || image === selected.partner || seenBy.has(image) ? look.accent
       : look.frustaBy === "component" ? categorical(current.cameraComponent[k])
-      : look.frustaBy === "error" && look.imageErrors[image] !== null ? ramp(Number(look.imageErrors[image] ?? 0) / high)
+      : look.frustaBy === "error" && current.cameraErrors[k] >= 0 ? ramp(current.cameraErrors[k] / high)
       : look.frustumColor;
     out.set([...rgb, 255], 4 * k);
   });
@@ -179,7 +180,7 @@ const commands = {
     if (renderer && change.look.background) renderer.background = change.look.background;
     if (renderer) renderer.accent = look.accent;
     sizes();
-    if (["by", "filter", "component"].some((name) => name in change.look)) {
+    if (["by", "filter", "component", "plain"].some((name) => name in change.look)) {
       lastFigures = -Infinity;
       paintPoints();
       renderer?.setPointColors(colors);

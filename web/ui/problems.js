@@ -13,7 +13,7 @@ export function startProblems(panel, store) {
     const { problems } = store.state;
     const rest = problems.length - MOST;
     list.replaceChildren(...problems.slice(0, MOST).map((problem) => el("div", { class: "notice bad" },
-      el("div", {}, el("b", {}, problem.file), ` ${problem.message}.`, problem.hint && el("p", {}, `${problem.hint[0].toUpperCase()}${problem.hint.slice(1)}.`)),
+      el("div", {}, el("b", {}, problem.file), `: ${problem.message}.`, problem.hint && el("p", {}, `${problem.hint[0].toUpperCase()}${problem.hint.slice(1)}.`)),
       el("button", { type: "button", class: "icon", "aria-label": `Dismiss: ${problem.file}`, onclick: () => store.set({ problems: store.state.problems.filter((other) => other !== problem) }) }, "×"))),
     ...(rest > 0 ? [el("div", { class: "notice bad" }, `and ${rest} more in the log`)] : []));
   });

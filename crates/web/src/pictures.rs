@@ -16,6 +16,10 @@ impl Pictures {
         self.0.insert(name, file);
     }
 
+    pub(crate) fn join(&mut self, mut others: Self) {
+        self.0.append(&mut others.0);
+    }
+
     pub(crate) fn is_empty(&self) -> bool {
         self.0.is_empty()
     }

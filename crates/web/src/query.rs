@@ -53,6 +53,10 @@ struct Seen {
     image: usize,
     keypoint: u32,
     error_px: f64,
+    /// The keypoint, px.
+    observed: [f64; 2],
+    /// Where the model puts the point, px; absent for a point that this camera cannot see.
+    projected: Option<[f64; 2]>,
 }
 
 pub(crate) fn track(reconstruction: &Reconstruction, point: usize, image_of: impl Fn(usize) -> usize) -> Option<Track> {
@@ -68,10 +72,16 @@ pub(crate) fn track(reconstruction: &Reconstruction, point: usize, image_of: imp
             least = least.min(a.dot(*b));
         }
     }
-    let observations = point.observations.iter().map(|&o| Seen {
-        image: image_of(o.image as usize),
-        keypoint: o.keypoint,
-        error_px: reconstruction.reprojection_error_px(point, o),
+    let observations = point.observations.iter().map(|&o| {
+        let image = &reconstruction.images[o.image as usize];
+        let in_cam = image.cam_from_world.transform_point(point.position);
+        Seen {
+            image: image_of(o.image as usize),
+            keypoint: o.keypoint,
+            error_px: reconstruction.reprojection_error_px(point, o),
+            observed: image.keypoints_px[o.keypoint as usize].to_array(),
+            projected: reconstruction.cameras[image.camera].project(in_cam).map(|px| px.to_array()),
+        }
     });
     Some(Track {
         position: point.position.to_array(),

@@ -1,5 +1,6 @@
 //! One scene: opened, solved, asked about, exported.
 
+use std::cell::RefCell;
 use std::path::Path;
 use std::rc::Rc;
 
@@ -27,14 +28,15 @@ struct Model {
     graph_image: Vec<usize>,
 }
 
-/// What the worker holds of a scene.
+/// What the worker holds of a scene. A run only borrows it, so that the page can ask about images while it waits: what a
+/// run changes is in cells, and none is borrowed across a breath.
 #[wasm_bindgen]
 pub struct Session {
     name: String,
     graph: Option<ViewGraph>,
-    models: Vec<Model>,
-    pictures: Pictures,
-    report: Option<Report>,
+    models: RefCell<Vec<Model>>,
+    pictures: RefCell<Pictures>,
+    report: RefCell<Option<Report>>,
     wishes: Wishes,
 }
 
@@ -61,9 +63,9 @@ impl Session {
         Self {
             name: String::new(),
             graph: None,
-            models: Vec::new(),
-            pictures: Pictures::default(),
-            report: None,
+            models: RefCell::default(),
+            pictures: RefCell::default(),
+            report: RefCell::default(),
             wishes: Wishes::default(),
         }
     }
@@ -105,14 +107,14 @@ impl Session {
         let answer = opened::model(folder, &loaded.value, texts(&loaded.warnings), bytes)?;
         let graph_image = (0..loaded.value.images.len()).collect();
         self.name = folder.to_owned();
-        self.models = vec![Model { reconstruction: loaded.value, graph_image }];
+        self.models = RefCell::new(vec![Model { reconstruction: loaded.value, graph_image }]);
         Ok(answer)
     }
 
     /// Photographs by image name, for colours.
     #[wasm_bindgen(js_name = addPicture)]
-    pub fn add_picture(&mut self, name: &str, file: File) -> Answer<()> {
-        self.pictures.add(name.to_owned(), tab_file(name, file)?);
+    pub fn add_picture(&self, name: &str, file: File) -> Answer<()> {
+        self.pictures.borrow_mut().add(name.to_owned(), tab_file(name, file)?);
         Ok(())
     }
 
@@ -120,7 +122,7 @@ impl Session {
     /// gets events, snapshots and where it runs; `breathe()` gives a promise that is kept when the run may go on.
     /// Returns the report.
     pub async fn solve(
-        &mut self,
+        &self,
         settings: JsValue,
         backend: String,
         send: Function,
@@ -144,11 +146,14 @@ impl Session {
         let options = Settings(settings).resolve().map_err(|e| Failure::new("settings", e, ""))?;
         self.wishes.set(Wish::GoOn);
         let mut observer = TabObserver::new(self.wishes.clone(), send.clone(), breathe);
-        let images = (!self.pictures.is_empty()).then_some(&mut self.pictures as &mut _);
+        let mut pictures = self.pictures.take();
+        let images = (!pictures.is_empty()).then_some(&mut pictures as &mut _);
         let keypoints = graph.images.iter().map(|image| image.keypoints_px.len()).sum();
         let Chosen { mut engine, place } = backend::choose(&backend, keypoints).await?;
         let _ = send.call2(&JsValue::NULL, &"backend".into(), &to_js(&place)?);
         let outcome = reconstruct(graph.clone(), &options, &mut engine, images, &mut observer).await;
+        // Those that came meanwhile stay too.
+        self.pictures.borrow_mut().join(pictures);
         if self.wishes.get() == Wish::Cancel {
             return Err(Failure::new(&name, "cancelled", "").into());
         }
@@ -160,7 +165,7 @@ impl Session {
         })?;
         let places: std::collections::BTreeMap<u32, usize> =
             graph.images.iter().enumerate().map(|(k, image)| (image.id, k)).collect();
-        self.models = outcome
+        let models = outcome
             .reconstructions
             .into_iter()
             .map(|reconstruction| Model {
@@ -172,8 +177,9 @@ impl Session {
                 reconstruction,
             })
             .collect();
+        self.models.replace(models);
         let report = to_js(&outcome.report)?;
-        self.report = Some(outcome.report);
+        self.report.replace(Some(outcome.report));
         let _ = send.call2(&JsValue::NULL, &"snapshot".into(), &self.snapshot()?);
         Ok(report)
     }
@@ -181,7 +187,7 @@ impl Session {
     /// The scene as it is. Returns `Snapshot`.
     pub fn snapshot(&self) -> Answer<JsValue> {
         let mut arrays = Arrays::default();
-        for (number, model) in self.models.iter().enumerate() {
+        for (number, model) in self.models.borrow().iter().enumerate() {
             arrays.push(number, &model.reconstruction, |k| model.graph_image[k]);
         }
         arrays.to_js(true)
@@ -192,13 +198,12 @@ impl Session {
         if let Some(graph) = &self.graph {
             return graph.images.get(image).map_or_else(Vec::new, |image| query::keypoints(&image.keypoints_px));
         }
-        self.find(image)
-            .map_or_else(Vec::new, |(model, k)| query::keypoints(&model.reconstruction.images[k].keypoints_px))
+        self.of_image(image, |model, k| query::keypoints(&model.images[k].keypoints_px))
     }
 
     /// Reprojection error of every keypoint of an image, px; −1 where it observes no point.
     pub fn residuals(&self, image: usize) -> Vec<f32> {
-        self.find(image).map_or_else(Vec::new, |(model, k)| query::residuals(&model.reconstruction, k))
+        self.of_image(image, query::residuals)
     }
 
     /// Verified matches, five numbers each: x, y here, x, y there, 1.
@@ -212,7 +217,7 @@ impl Session {
     /// A point, counted through all components, and its observations.
     pub fn track(&self, point: usize) -> Answer<JsValue> {
         let mut index = point;
-        for model in &self.models {
+        for model in self.models.borrow().iter() {
             if index < model.reconstruction.points.len() {
                 let track = query::track(&model.reconstruction, index, |k| model.graph_image[k]);
                 return track.map_or(Ok(JsValue::NULL), |track| to_js(&track));
@@ -239,7 +244,7 @@ impl Session {
             out.push(&file);
             Ok(())
         };
-        for (number, model) in self.models.iter().enumerate() {
+        for (number, model) in self.models.borrow().iter().enumerate() {
             if component.is_some_and(|wanted| wanted != number) {
                 continue;
             }
@@ -251,7 +256,7 @@ impl Session {
             }
         }
         if formats.iter().any(|format| format == "report") {
-            if let Some(report) = &self.report {
+            if let Some(report) = &*self.report.borrow() {
                 let json = serde_json::to_vec_pretty(report).map_err(|e| Failure::new("report", e, ""))?;
                 push("report.json", &json)?;
             }
@@ -263,9 +268,11 @@ impl Session {
         Ok(out)
     }
 
-    /// The model that holds an image, and the image's place in it.
-    fn find(&self, image: usize) -> Option<(&Model, usize)> {
-        self.models.iter().find_map(|model| model.graph_image.iter().position(|&k| k == image).map(|k| (model, k)))
+    /// An answer from the model that holds an image, given the image's place in it; nothing where none does.
+    fn of_image(&self, image: usize, answer: impl Fn(&Reconstruction, usize) -> Vec<f32>) -> Vec<f32> {
+        let models = self.models.borrow();
+        let place = models.iter().find_map(|m| m.graph_image.iter().position(|&k| k == image).map(|k| (m, k)));
+        place.map_or_else(Vec::new, |(model, k)| answer(&model.reconstruction, k))
     }
 }
 

@@ -18,6 +18,7 @@ pub(crate) struct Arrays {
     cameras: Vec<f32>,
     camera_shape: Vec<f32>,
     camera_component: Vec<u16>,
+    camera_errors: Vec<f32>,
 }
 
 /// The colour of points before the photographs have been read.
@@ -28,10 +29,22 @@ impl Arrays {
     pub(crate) fn push(&mut self, number: usize, reconstruction: &Reconstruction, image_of: impl Fn(usize) -> usize) {
         let number = number.min(usize::from(u16::MAX)) as u16;
         let colored = reconstruction.points.iter().any(|point| point.rgb != [0; 3]);
+        let mut sums = vec![(0.0, 0u32); reconstruction.images.len()];
         for point in &reconstruction.points {
+            let mut sum = 0.0;
+            for &observation in &point.observations {
+                let error = reconstruction.reprojection_error_px(point, observation);
+                let image = &mut sums[observation.image as usize];
+                // A point behind a camera has no error in pixels.
+                if error.is_finite() {
+                    sum += error;
+                    *image = (image.0 + error, image.1 + 1);
+                }
+            }
+            let error = if point.observations.is_empty() { -1.0 } else { sum / point.observations.len() as f64 };
             self.positions.extend(point.position.as_vec3().to_array());
             self.colors.extend(if colored { point.rgb } else { UNCOLORED });
-            self.errors.push(point.error_px as f32);
+            self.errors.push(error as f32);
             self.tracks.push(point.observations.len().min(usize::from(u16::MAX)) as u16);
             self.point_component.push(number);
         }
@@ -45,6 +58,8 @@ impl Arrays {
             self.camera_shape.extend(shape(&reconstruction.cameras[image.camera]));
             self.camera_image.push(image_of(k) as u32);
             self.camera_component.push(number);
+            let (sum, count) = sums[k];
+            self.camera_errors.push(if count == 0 { -1.0 } else { (sum / f64::from(count)) as f32 });
         }
     }
 
@@ -61,6 +76,7 @@ impl Arrays {
         set("cameras", &Float32Array::from(&self.cameras[..]))?;
         set("cameraShape", &Float32Array::from(&self.camera_shape[..]))?;
         set("cameraComponent", &Uint16Array::from(&self.camera_component[..]))?;
+        set("cameraErrors", &Float32Array::from(&self.camera_errors[..]))?;
         set("final", &is_final.into())?;
         Ok(object.into())
     }
