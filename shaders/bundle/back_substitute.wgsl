@@ -38,18 +38,17 @@ fn back_substitute(
         let alone = solve_normal(block, gradient);
         if block.norms.w == 1.0 {
             for (var o = tracks[p]; o < tracks[track_end_at(params.points, p)]; o += 1u) {
-                let weight = by_point[o].weight;
-                if weight == 0.0 {
+                let seen = by_point[o];
+                if seen.weight == 0.0 {
                     continue;
                 }
-                let image = by_point[o].image & IMAGE_MASK;
+                let image = seen.image & IMAGE_MASK;
                 let view = views[image];
-                let row = row_of(point, view, intrinsics[view.camera], params.cell, weight);
+                let row = row_of(point, view, intrinsics[view.camera], params.cell, point_weights(seen));
                 let x = load_step(x_at, image, params.images + view.camera);
                 let scale = load_step(scale_at, image, params.images + view.camera);
                 let step = CameraStep(scale.a * x.a, scale.b * x.b, multiply_units(scale.params, x.params));
-                let v = camera_product(row, step);
-                gradient += row.px * v.x + row.py * v.y;
+                gradient += point_transposed(row, camera_product(row, step));
             }
         }
         let y = solve_normal(block, gradient);

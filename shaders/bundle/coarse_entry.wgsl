@@ -36,15 +36,15 @@ fn coarse_entry(
     var normal = mat3x3f();
     var arm = vec3f();
     for (var o = entry.track_start; o < entry.track_end; o += 1u) {
-        let weight = by_point[o].weight;
-        let image = by_point[o].image & IMAGE_MASK;
+        let seen = by_point[o];
+        let image = seen.image & IMAGE_MASK;
         let view = views[image];
-        if weight == 0.0 || block.norms.w != 1.0 {
+        if seen.weight == 0.0 || block.norms.w != 1.0 {
             continue;
         }
         if entry.kind > 0u {
             if view.camera == entry.camera {
-                let row = row_of(point, view, intrinsics[view.camera], params.cell, weight);
+                let row = row_of(point, view, intrinsics[view.camera], params.cell, point_weights(seen));
                 var x = array<vec4f, 2>(row.x_params.a, row.x_params.b);
                 var y = array<vec4f, 2>(row.y_params.a, row.y_params.b);
 #if wide
@@ -65,12 +65,8 @@ fn coarse_entry(
             if mode.cluster != entry.row || mode.weight == 0.0 {
                 continue;
             }
-            let row = row_of(point, view, intrinsics[view.camera], params.cell, weight);
-            let h = mode.weight * mat3x3f(
-                row.px.x * row.px + row.py.x * row.py,
-                row.px.y * row.px + row.py.y * row.py,
-                row.px.z * row.px + row.py.z * row.py,
-            );
+            let row = row_of(point, view, intrinsics[view.camera], params.cell, point_weights(seen));
+            let h = mode.weight * point_square(row);
             normal += h;
             columns[6] -= h * mode.from_center;
             arm = mode.inverse_radius * row.ray + mode.from_center;

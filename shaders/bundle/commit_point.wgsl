@@ -8,7 +8,7 @@
 @group(0) @binding(1) var<storage, read_write> points: array<Point>;
 @group(0) @binding(2) var<storage, read> tracks: array<u32>;
 @group(0) @binding(3) var<storage, read_write> by_point: array<ByPoint>;
-@group(0) @binding(4) var<storage, read_write> residuals: array<vec4f>;
+@group(0) @binding(4) var<storage, read_write> residuals: array<Residual>;
 
 @compute @workgroup_size(64)
 fn commit_point(
@@ -22,11 +22,11 @@ fn commit_point(
     }
     for (var o = tracks[p]; o < tracks[p + 1u]; o += 1u) {
         let r = residuals[o];
-        if r.z == INVALID {
+        if r.pixel.z == INVALID {
             by_point[o].image |= OUT;
-            residuals[o] = vec4f(r.xy, r.xy);
+            residuals[o] = with_errors(r, accepted(r), accepted(r));
         } else {
-            residuals[o] = vec4f(r.zw, r.zw);
+            residuals[o] = with_errors(r, tried(r), tried(r));
         }
     }
     var point = points[p];

@@ -11,7 +11,7 @@
 @group(0) @binding(3) var<storage, read_write> by_image: array<ByImage>;
 @group(0) @binding(4) var<storage, read_write> image_order: array<u32>;
 @group(0) @binding(5) var<storage, read_write> pixels: array<vec2f>;
-@group(0) @binding(6) var<storage, read_write> residuals: array<vec4f>;
+@group(0) @binding(6) var<storage, read_write> residuals: array<Residual>;
 
 fn exchange(a: u32, b: u32) {
     let observation = by_point[a];

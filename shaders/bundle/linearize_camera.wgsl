@@ -23,16 +23,22 @@ fn linearize_camera(
     let k = intrinsics[view.camera];
     var sum = no_step();
     for (var o = segment.start + lane; o < segment.end; o += 64u) {
-        let weight = by_image[o].weight;
-        if weight == 0.0 {
+        let seen = by_image[o];
+        if seen.weight == 0.0 {
             continue;
         }
-        let row = row_of(points[by_image[o].point], view, k, params.cell, weight);
+        let row = row_of(points[seen.point], view, k, params.cell, image_weights(seen));
         let rx = cross(row.ray, row.px);
         let ry = cross(row.ray, row.py);
         let center = row.px * row.px + row.py * row.py;
         sum.a += vec4f(rx * rx + ry * ry, center.x);
         sum.b += vec4f(center.yz, 1.0, 0.0);
+#if depth
+        let rz = cross(row.ray, row.pz);
+        let center_by_depth = row.pz * row.pz;
+        sum.a += vec4f(rz * rz, center_by_depth.x);
+        sum.b += vec4f(center_by_depth.yz, 0.0, 0.0);
+#endif
         let params = add_units(multiply_units(row.x_params, row.x_params), multiply_units(row.y_params, row.y_params));
         sum.params = add_units(sum.params, params);
     }

@@ -13,7 +13,7 @@ const RANK_RATIO = 1e6;
 @group(0) @binding(3) var<storage, read> points: array<Point>;
 @group(0) @binding(4) var<storage, read> tracks: array<u32>;
 @group(0) @binding(5) var<storage, read> by_point: array<ByPoint>;
-@group(0) @binding(6) var<storage, read> residuals: array<vec4f>;
+@group(0) @binding(6) var<storage, read> residuals: array<Residual>;
 @group(0) @binding(7) var<storage, read_write> blocks: array<Block>;
 
 @compute @workgroup_size(64)
@@ -31,16 +31,19 @@ fn linearize_point(
     var gradient = vec3f();
     var count = 0u;
     for (var o = tracks[p]; o < tracks[track_end_at(params.points, p)]; o += 1u) {
-        let weight = by_point[o].weight;
-        if weight == 0.0 {
+        let seen = by_point[o];
+        if seen.weight == 0.0 {
             continue;
         }
-        let view = views[by_point[o].image & IMAGE_MASK];
-        let row = row_of(point, view, intrinsics[view.camera], params.cell, weight);
+        let view = views[seen.image & IMAGE_MASK];
+        let weights = point_weights(seen);
+        let row = row_of(point, view, intrinsics[view.camera], params.cell, weights);
         r = fold_row(r, row.px);
         r = fold_row(r, row.py);
-        let e = weight * residuals[o].xy;
-        gradient += row.px * e.x + row.py * e.y;
+#if depth
+        r = fold_row(r, row.pz);
+#endif
+        gradient += point_transposed(row, weighted(weights, accepted(residuals[o])));
         count += 1u;
     }
     let diagonal = abs(vec3f(r.top.x, r.bottom.x, r.bottom.z));

@@ -21,13 +21,18 @@ const NOTHING = 3u;
 @group(0) @binding(4) var<storage, read> blocks: array<Block>;
 @group(0) @binding(5) var<storage, read> segments: array<Segment>;
 @group(0) @binding(6) var<storage, read> by_image: array<ByImage>;
-@group(0) @binding(7) var<storage, read> residuals: array<vec4f>;
+@group(0) @binding(7) var<storage, read> residuals: array<Residual>;
 @group(0) @binding(8) var<storage, read_write> block_sums: array<f32>;
 
 // Per observation J_c (2 × SIDE), M (xx, xy, yy) and the error r − J_p y₀.
 var<workgroup> plain: array<f32, 64u * 2u * SIDE>;
 var<workgroup> projections: array<vec3f, 64>;
-var<workgroup> errors: array<vec2f, 64>;
+var<workgroup> errors: array<Errors, 64>;
+#if depth
+// The depth's row of J_c, which ends with the pose, and of M (xz, yz, zz).
+var<workgroup> depth_plain: array<f32, 64u * 6u>;
+var<workgroup> depth_projections: array<vec3f, 64>;
+#endif
 
 fn store_step(lane: u32, line: u32, step: CameraStep) {
     let at = lane * 2u * SIDE + line * SIDE;
@@ -43,6 +48,16 @@ fn store_step(lane: u32, line: u32, step: CameraStep) {
     plain[at + 4u] = step.b.x;
     plain[at + 5u] = step.b.y;
 }
+
+#if depth
+fn store_depth_step(lane: u32, step: CameraStep) {
+    for (var k = 0u; k < 4u; k += 1u) {
+        depth_plain[lane * 6u + k] = step.a[k];
+    }
+    depth_plain[lane * 6u + 4u] = step.b.x;
+    depth_plain[lane * 6u + 5u] = step.b.y;
+}
+#endif
 
 struct Entry {
     row: u32,
@@ -86,9 +101,31 @@ fn entry_sum(entry: Entry) -> f32 {
             let m = select(projections[o], vec3f(1.0, 0.0, 1.0), entry.kind == PLAIN);
             sum += x * (m.x * u + m.y * v) + y * (m.y * u + m.z * v);
         }
+#if depth
+        sum += depth_term(entry, o);
+#endif
     }
     return sum;
 }
+
+#if depth
+// What the depth's row of an observation adds to a sum.
+fn depth_term(entry: Entry, o: u32) -> f32 {
+    let z = select(0.0, depth_plain[o * 6u + min(entry.row, 5u)], entry.row < 6u);
+    if entry.kind == RIGHT_HAND_SIDE {
+        return -z * errors[o].z;
+    }
+    let w = select(0.0, depth_plain[o * 6u + min(entry.column, 5u)], entry.column < 6u);
+    if entry.kind == PLAIN {
+        return z * w;
+    }
+    let at = o * 2u * SIDE;
+    let m = depth_projections[o];
+    let by_row = m.x * plain[at + entry.row] + m.y * plain[at + SIDE + entry.row];
+    let by_column = m.x * plain[at + entry.column] + m.y * plain[at + SIDE + entry.column];
+    return by_row * w + z * (by_column + m.z * w);
+}
+#endif
 
 @compute @workgroup_size(64)
 fn precondition_camera(
@@ -108,21 +145,27 @@ fn precondition_camera(
     for (var batch = segment.start; batch < segment.end; batch += 64u) {
         let o = batch + lane;
         var row: Row;
-        var z = array<vec3f, 2>(vec3f(), vec3f());
-        var e = vec2f();
+        var block: Block;
+        var e = Errors();
         if o < segment.end && by_image[o].weight != 0.0 {
-            let point = points[by_image[o].point];
-            let block = blocks[by_image[o].point];
-            row = row_of(point, view, k, params.cell, by_image[o].weight);
-            z[0] = solve_row(block.damped_top.xyz, block.damped_bottom.xyz, row.px);
-            z[1] = solve_row(block.damped_top.xyz, block.damped_bottom.xyz, row.py);
-            e = by_image[o].weight * residuals[by_image[o].index].xy
-                - vec2f(dot(row.px, point.s), dot(row.py, point.s));
+            let seen = by_image[o];
+            let point = points[seen.point];
+            let weights = image_weights(seen);
+            block = blocks[seen.point];
+            row = row_of(point, view, k, params.cell, weights);
+            e = weighted(weights, accepted(residuals[seen.index])) - point_product(row, point.s);
         }
-        store_step(lane, 0u, camera_transposed(row, vec2f(1.0, 0.0)));
-        store_step(lane, 1u, camera_transposed(row, vec2f(0.0, 1.0)));
+        let x = solve_row(block.damped_top.xyz, block.damped_bottom.xyz, row.px);
+        let y = solve_row(block.damped_top.xyz, block.damped_bottom.xyz, row.py);
+        store_step(lane, 0u, camera_transposed(row, X_ERROR));
+        store_step(lane, 1u, camera_transposed(row, Y_ERROR));
         errors[lane] = e;
-        projections[lane] = vec3f(1.0 - dot(z[0], z[0]), -dot(z[0], z[1]), 1.0 - dot(z[1], z[1]));
+        projections[lane] = vec3f(1.0 - dot(x, x), -dot(x, y), 1.0 - dot(y, y));
+#if depth
+        let z = solve_row(block.damped_top.xyz, block.damped_bottom.xyz, row.pz);
+        store_depth_step(lane, camera_transposed(row, DEPTH_ERROR));
+        depth_projections[lane] = vec3f(-dot(x, z), -dot(y, z), 1.0 - dot(z, z));
+#endif
         workgroupBarrier();
         for (var n = 0u; n < PER_LANE; n += 1u) {
             sums[n] += entry_sum(entries[n]);

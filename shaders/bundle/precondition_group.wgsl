@@ -44,12 +44,12 @@ fn precondition_group(
         if p < params.points && blocks[p].norms.w == 1.0 {
             let point = points[p];
             for (var o = tracks[p]; o < tracks[track_end_at(params.points, p)]; o += 1u) {
-                let weight = by_point[o].weight;
-                let view = views[by_point[o].image & IMAGE_MASK];
-                if weight == 0.0 || view.camera != camera {
+                let seen = by_point[o];
+                let view = views[seen.image & IMAGE_MASK];
+                if seen.weight == 0.0 || view.camera != camera {
                     continue;
                 }
-                let row = row_of(point, view, intrinsics[camera], params.cell, weight);
+                let row = row_of(point, view, intrinsics[camera], params.cell, point_weights(seen));
                 for (var k = 0u; k < 4u; k += 1u) {
                     columns[k] += row.px * row.x_params.a[k] + row.py * row.y_params.a[k];
                     columns[4u + k] += row.px * row.x_params.b[k] + row.py * row.y_params.b[k];

@@ -31,13 +31,13 @@ fn product_camera(
     let x = load_step(start, segment.image, params.images + view.camera);
     var sum = no_step();
     for (var o = segment.start + lane; o < segment.end; o += 64u) {
-        let weight = by_image[o].weight;
-        if weight == 0.0 {
+        let seen = by_image[o];
+        if seen.weight == 0.0 {
             continue;
         }
-        let point = points[by_image[o].point];
-        let row = row_of(point, view, k, params.cell, weight);
-        let v = camera_product(row, x) - vec2f(dot(row.px, point.s), dot(row.py, point.s));
+        let point = points[seen.point];
+        let row = row_of(point, view, k, params.cell, image_weights(seen));
+        let v = camera_product(row, x) - point_product(row, point.s);
         sum = add_steps(sum, camera_transposed(row, v));
     }
     let total = reduce_step(lane, sum);

@@ -37,15 +37,15 @@ fn product_point(
         var gradient = vec3f();
         if block.norms.w == 1.0 {
             for (var o = tracks[p]; o < tracks[track_end_at(params.points, p)]; o += 1u) {
-                let weight = by_point[o].weight;
-                if weight == 0.0 {
+                let seen = by_point[o];
+                if seen.weight == 0.0 {
                     continue;
                 }
-                let image = by_point[o].image & IMAGE_MASK;
+                let image = seen.image & IMAGE_MASK;
                 let view = views[image];
-                let row = row_of(point, view, intrinsics[view.camera], params.cell, weight);
+                let row = row_of(point, view, intrinsics[view.camera], params.cell, point_weights(seen));
                 let v = camera_product(row, load_step(start, image, params.images + view.camera));
-                gradient += row.px * v.x + row.py * v.y;
+                gradient += point_transposed(row, v);
             }
         }
         let y = solve_normal(block, gradient);

@@ -4,8 +4,8 @@
 // count; Σ ln s over them.
 
 #import "common/dispatch.wgsl"
-#import "common/loss.wgsl"
 #import "common/tree.wgsl"
+#import "bundle/cost.wgsl"
 #import "bundle/sight.wgsl"
 
 const LANES = 64u;
@@ -17,18 +17,21 @@ const LANES = 64u;
 @group(0) @binding(4) var<storage, read> tracks: array<u32>;
 @group(0) @binding(5) var<storage, read_write> by_point: array<ByPoint>;
 @group(0) @binding(6) var<storage, read> pixels: array<vec2f>;
-@group(0) @binding(7) var<storage, read_write> residuals: array<vec4f>;
+@group(0) @binding(7) var<storage, read_write> residuals: array<Residual>;
 @group(0) @binding(8) var<storage, read_write> sums: array<Eight>;
 
-// The residual; INVALID where there is none.
-fn residual_of(point: Point, image: u32, pixel: vec2f) -> vec2f {
+// The residual of an observation; INVALID where there is none.
+fn errors_of(o: u32, point: Point, image: u32) -> Errors {
     let view = views[image];
     let q = rotate(view, ray_to(point, view, params.cell));
     let k = intrinsics[view.camera];
     if is_seen(k, limits_of(image, params.images), q, params.activation) {
-        return project_residual(k, q, pixel);
+        let e = add_depth_error(residuals[o], project_residual(k, q, pixels[o]), q.z);
+        if has_finite_depth(residuals[o], e) {
+            return e;
+        }
     }
-    return vec2f(INVALID);
+    return invalid();
 }
 
 @compute @workgroup_size(64)
@@ -48,31 +51,31 @@ fn refresh(
             let flags = by_point[o].image & ~IMAGE_MASK;
             let image = by_point[o].image & IMAGE_MASK;
             let was_active = (flags & OUT) == 0u;
-            var r = residuals[o].xy;
+            var r = accepted(residuals[o]);
             var counts = was_active && ((flags & HIDDEN) == 0u || params.activation == ALL);
             if params.activation == TRUNCATED {
                 if !was_active || (params.refresh_flags & (FIRST_PASS | FROM_SCRATCH)) != 0u {
-                    r = residual_of(point, image, pixels[o]);
+                    r = errors_of(o, point, image);
                 }
-                let rho = loss_value(params.loss, params.loss_scale, dot(r, r));
+                let worth = worth_of(residuals[o], r);
                 let limit = params.tau * select(1.0, RETURN_SHARE, !was_active && (params.refresh_flags & FIRST_PASS) == 0u);
                 let stays = was_active && (params.refresh_flags & FIRST_PASS) == 0u;
-                let enters = stays || is_inside(limits_of(image, params.images), pixels[o] + r);
-                counts = r.x != INVALID && rho < limit && enters && (flags & HIDDEN) == 0u;
-                cost += select(0.0, rho, counts);
+                let enters = stays || is_inside(limits_of(image, params.images), pixels[o] + r.xy);
+                counts = r.x != INVALID && worth < limit && enters && (flags & HIDDEN) == 0u;
+                cost += select(depth_bound(residuals[o]), cost_of(residuals[o], r), counts);
             } else {
                 if counts {
-                    let now = residual_of(point, image, pixels[o]);
+                    let now = errors_of(o, point, image);
                     counts = now.x != INVALID;
                     r = select(r, now, counts);
                 }
-                cost += loss_value(params.loss, params.loss_scale, dot(r, r));
+                cost += cost_of(residuals[o], r);
             }
             by_point[o].image = image | (flags & HIDDEN) | select(OUT, 0u, counts);
-            residuals[o] = vec4f(r, r);
+            residuals[o] = with_errors(residuals[o], r, r);
             if counts {
                 active_count += 1.0;
-                logarithms += log(max(dot(r, r), LEAST_SQUARE));
+                logarithms += log(max(dot(r.xy, r.xy), LEAST_SQUARE));
             }
         }
     }

@@ -3,7 +3,7 @@
 // crates/optimize/src/bundle/cpu/revive.rs, but the rays ignore distortion: they only say where to begin.
 
 #import "common/dispatch.wgsl"
-#import "common/loss.wgsl"
+#import "bundle/cost.wgsl"
 #import "bundle/sight.wgsl"
 #import "bundle/row.wgsl"
 #import "bundle/block.wgsl"
@@ -22,23 +22,26 @@ const RANK_RATIO = 1e6;
 @group(0) @binding(4) var<storage, read> tracks: array<u32>;
 @group(0) @binding(5) var<storage, read> by_point: array<ByPoint>;
 @group(0) @binding(6) var<storage, read> pixels: array<vec2f>;
-@group(0) @binding(7) var<storage, read_write> residuals: array<vec4f>;
+@group(0) @binding(7) var<storage, read_write> residuals: array<Residual>;
 
 // What an observation is charged for a residual.
-fn charge(o: u32, image: u32, r: vec2f) -> f32 {
+fn charge(o: u32, image: u32, r: Errors) -> f32 {
     let was_active = (by_point[o].image & OUT) == 0u;
-    let rho = loss_value(params.loss, params.loss_scale, dot(r, r));
+    let worth = worth_of(residuals[o], r);
     let limit = params.tau * select(RETURN_SHARE, 1.0, was_active);
-    let enters = was_active || is_inside(limits_of(image, params.images), pixels[o] + r);
-    return select(params.tau, rho, r.x != INVALID && rho < limit && enters);
+    let enters = was_active || is_inside(limits_of(image, params.images), pixels[o] + r.xy);
+    return select(params.tau, worth, r.x != INVALID && worth < limit && enters);
 }
 
-fn residual_at(image: u32, camera: u32, q: vec3f, pixel: vec2f) -> vec2f {
+fn errors_at(o: u32, image: u32, camera: u32, q: vec3f) -> Errors {
     let k = intrinsics[camera];
     if is_seen(k, limits_of(image, params.images), q, params.activation) {
-        return project_residual(k, q, pixel);
+        let e = add_depth_error(residuals[o], project_residual(k, q, pixels[o]), q.z);
+        if has_finite_depth(residuals[o], e) {
+            return e;
+        }
     }
-    return vec2f(INVALID);
+    return invalid();
 }
 
 // The unit ray of a pixel in the camera frame, as if there were no distortion.
@@ -114,7 +117,7 @@ fn revive(
         let image = by_point[o].image & IMAGE_MASK;
         let view = views[image];
         let k = intrinsics[view.camera];
-        best += charge(o, image, residual_at(image, view.camera, rotate(view, ray_to(point, view, params.cell)), pixels[o]));
+        best += charge(o, image, errors_at(o, image, view.camera, rotate(view, ray_to(point, view, params.cell))));
         let ray = ray_of(k, pixels[o]);
         let d = ray.x * view.r0.xyz + ray.y * view.r1.xyz + ray.z * view.r2.xyz;
         let c = between(view, origin);
@@ -145,9 +148,9 @@ fn revive(
             let image = by_point[o].image & IMAGE_MASK;
             let view = views[image];
             let q = rotate(view, v - between(view, origin));
-            let e = residual_at(image, view.camera, q, pixels[o]);
+            let e = errors_at(o, image, view.camera, q);
             cost += charge(o, image, e);
-            let s = dot(e, e);
+            let s = dot(e.xy, e.xy);
             let within = loss_value(params.loss, params.loss_scale, s) < params.tau;
             if e.x == INVALID || (step > STEPS / 2u && !within) {
                 continue;
@@ -196,7 +199,7 @@ fn revive(
     for (var o = start; o < end; o += 1u) {
         let image = by_point[o].image & IMAGE_MASK;
         let view = views[image];
-        let e = residual_at(image, view.camera, rotate(view, ray_to(moved, view, params.cell)), pixels[o]);
-        residuals[o] = vec4f(e, e);
+        let e = errors_at(o, image, view.camera, rotate(view, ray_to(moved, view, params.cell)));
+        residuals[o] = with_errors(residuals[o], e, e);
     }
 }

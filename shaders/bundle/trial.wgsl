@@ -3,8 +3,8 @@
 // truncated, falling behind costs τ, and the cost after is that of what counts alone.
 
 #import "common/dispatch.wgsl"
-#import "common/loss.wgsl"
 #import "common/tree.wgsl"
+#import "bundle/cost.wgsl"
 #import "bundle/sight.wgsl"
 
 const LANES = 64u;
@@ -16,7 +16,7 @@ const LANES = 64u;
 @group(0) @binding(4) var<storage, read> changes: array<vec4f>;
 @group(0) @binding(5) var<storage, read> tracks: array<u32>;
 @group(0) @binding(6) var<storage, read> by_point: array<ByPoint>;
-@group(0) @binding(7) var<storage, read_write> residuals: array<vec4f>;
+@group(0) @binding(7) var<storage, read_write> residuals: array<Residual>;
 @group(0) @binding(8) var<storage, read_write> sums: array<Eight>;
 
 @compute @workgroup_size(64)
@@ -34,9 +34,10 @@ fn trial(
         for (var o = tracks[p]; o < tracks[track_end_at(params.points, p)]; o += 1u) {
             let image = by_point[o].image & IMAGE_MASK;
             let is_out = (by_point[o].image & OUT) != 0u;
-            let r = residuals[o].xy;
+            let r = accepted(residuals[o]);
             var after = r;
             if !is_out {
+                after = invalid();
                 let view = views[image];
                 let next = views[image + params.images];
                 let change = views[image + 2u * params.images];
@@ -46,24 +47,27 @@ fn trial(
                 let dq = rotate(change, ray) + rotate(next, moved);
                 if is_seen(intrinsics[view.camera + params.cameras], limits_of(image, params.images), q + dq, params.activation) {
                     let k = intrinsics[view.camera];
-                    let dr = project_change(k, intrinsics[view.camera + 2u * params.cameras], q, dq);
-                    after = r + dr;
-                    sum.x += loss_difference(params.loss, params.loss_scale, dot(r, r), dot(dr, 2.0 * r + dr));
-                    sum.w += 1.0;
-                    logarithms += log(max(dot(after, after), LEAST_SQUARE));
-                } else {
-                    after = vec2f(INVALID);
+                    let pixel = project_change(k, intrinsics[view.camera + 2u * params.cameras], q, dq);
+                    let dr = add_depth_change(residuals[o], pixel, q.z, dq.z);
+                    if has_finite_depth(residuals[o], r + dr) {
+                        after = r + dr;
+                        sum.x += cost_change(residuals[o], r, dr);
+                        sum.w += 1.0;
+                        logarithms += log(max(dot(after.xy, after.xy), LEAST_SQUARE));
+                    }
+                }
+                if after.x == INVALID {
                     if params.activation == TRUNCATED {
-                        sum.x += params.tau - loss_value(params.loss, params.loss_scale, dot(r, r));
+                        sum.x += params.tau - worth_of(residuals[o], r);
                     }
                     sum.z += 1.0;
                 }
             }
-            residuals[o] = vec4f(r, after);
+            residuals[o] = with_errors(residuals[o], r, after);
             let gone = after.x == INVALID;
             let counted = select(after, r, gone);
             if params.activation != TRUNCATED || !(gone || is_out) {
-                sum.y += loss_value(params.loss, params.loss_scale, dot(counted, counted));
+                sum.y += cost_of(residuals[o], counted);
             }
         }
     }

@@ -5,6 +5,7 @@
 #else
 #import "common/perspective.wgsl"
 #endif
+#import "bundle/observation.wgsl"
 
 struct Params {
     // Of the chunk where a kernel works on one, else of all.
@@ -36,6 +37,9 @@ struct Params {
     revive_all: u32,
     // 1 where observations that count are moved before those that do not.
     compact: u32,
+    // Of the depth row, see observation.wgsl.
+    depth_loss: u32,
+    depth_loss_scale: f32,
 }
 
 // Three blocks of images follow one another: accepted state, tried state, change between them. A fourth holds limits: see
@@ -65,23 +69,6 @@ struct Point {
     // A step or a tried position, by kernel.
     s: vec3f,
     padding: f32,
-}
-
-// An observation in the points' order.
-struct ByPoint {
-    // Image, with OUT set where the observation does not count, HIDDEN where it is occluded.
-    image: u32,
-    // Root of its weight.
-    weight: f32,
-}
-
-// An observation in the images' order.
-struct ByImage {
-    point: u32,
-    weight: f32,
-    // Its place in the points' order.
-    index: u32,
-    padding: u32,
 }
 
 // At most 512 observations of one image in one chunk of points.

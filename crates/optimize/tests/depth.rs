@@ -2,51 +2,17 @@
 
 mod common;
 
+use common::metric::{depths, resize, scale, wide};
 use common::{Scene, perturb, ring};
-use epipole_geometry::Similarity3;
 use epipole_geometry::camera::CameraModel;
 use epipole_optimize::active::Activation;
 use epipole_optimize::bundle::{self, Depth, Options, PoseFreedom, Problem, Solver};
 use epipole_optimize::lm::{LmOptions, LmReport};
 use epipole_optimize::{Loss, OptimizeError};
-use glam::{DQuat, DVec3};
 
 fn tight() -> Options {
     let lm = LmOptions { max_iterations: 100, relative_decrease_tolerance: 1e-12, ..LmOptions::default() };
     Options { lm, ..Options::default() }
-}
-
-/// The z-depth of every `every`-th observation at the problem's state, times `factor(k)`, with a relative sigma of 5 %.
-fn depths(truth: &Problem, every: usize, factor: impl Fn(usize) -> f64) -> Depth {
-    let mut depth = Depth::unknown(truth.observation_image.len());
-    for p in 0..truth.points.len() {
-        for o in truth.track_start[p] as usize..truth.track_start[p + 1] as usize {
-            let pose = &truth.cam_from_world[truth.observation_image[o] as usize];
-            let z = pose.transform_point(truth.points[p]).z;
-            if o % every == 0 {
-                depth.set(o, z * factor(o / every), 0.05);
-            }
-        }
-    }
-    depth
-}
-
-fn resize(problem: &mut Problem, scale: f64) {
-    let motion = Similarity3 { scale, rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
-    for pose in &mut problem.cam_from_world {
-        *pose = motion.transform_camera(pose);
-    }
-    problem.points.iter_mut().for_each(|p| *p = motion.transform_point(*p));
-}
-
-/// Mean distance of the centres from their mean, over the same in truth.
-fn scale(problem: &Problem, truth: &Problem) -> f64 {
-    let spread = |problem: &Problem| {
-        let centers: Vec<DVec3> = problem.cam_from_world.iter().map(|pose| pose.center()).collect();
-        let mean = centers.iter().sum::<DVec3>() / centers.len() as f64;
-        centers.iter().map(|c| (*c - mean).length()).sum::<f64>()
-    };
-    spread(problem) / spread(truth)
 }
 
 fn assert_monotone(report: &LmReport) {
@@ -55,12 +21,6 @@ fn assert_monotone(report: &LmReport) {
         assert!(record.cost <= last * (1.0 + 1e-12) + 1e-12, "cost rose: {record:?}");
         last = record.cost;
     }
-}
-
-/// A scene that nearly fills the image of a camera with a field of view of 100°.
-fn wide() -> Scene {
-    let params = vec![420.0, 500.0, 500.0, 0.0];
-    Scene { noise_px: 0.0, params, refine: vec![0], model: CameraModel::SimpleRadial, ..Scene::default() }
 }
 
 #[test]

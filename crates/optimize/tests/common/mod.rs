@@ -3,6 +3,7 @@
 #![allow(dead_code, unreachable_pub)]
 
 pub mod extraction;
+pub mod metric;
 
 // The synthesiser's own files: a dependency on its package would bring a database into every test of this one.
 #[path = "../../../../tests/src/synth/random.rs"]

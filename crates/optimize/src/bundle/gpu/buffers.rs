@@ -1,6 +1,6 @@
 //! A problem's buffers on a device, those of the whole and those of each chunk, and which a kernel gets by which name.
 
-use super::chunk::{Chunk, OBSERVATION_BYTES, POINT_BYTES};
+use super::chunk::{Chunk, POINT_BYTES};
 use super::coarse::CoarseBuffers;
 use super::layout::Layout;
 use crate::gpu::kernels::Kernel;
@@ -72,17 +72,22 @@ pub(super) struct ChunkPlace {
 }
 
 impl ChunkBuffers {
-    pub(super) fn new(device: &Device, chunk: &Chunk) -> Result<Self, GpuError> {
-        let (points, observations) = (chunk.points.len() as u64, chunk.by_point.len() as u64);
+    pub(super) fn new(device: &Device, layout: &Layout, chunk: &Chunk) -> Result<Self, GpuError> {
+        let (points, sizes) = (chunk.points.len() as u64, layout.sizes);
+        let residual_bytes = 4 * (sizes.residual() * chunk.by_point.len()) as u64;
+        let residuals = match sizes.depth {
+            true => device.storage("residuals", &sizes.pack_depths(&chunk.depths, layout.depth_loss)),
+            false => device.zeroed("residuals", residual_bytes),
+        };
         Ok(Self {
             points: device.storage("points", &chunk.points)?,
             // Then where the observations of each end that count.
             tracks: device.storage("tracks", &[&chunk.tracks[..], &chunk.tracks[1..]].concat())?,
-            by_point: device.storage("observations by point", &chunk.by_point)?,
+            by_point: device.storage("observations by point", &sizes.pack_by_point(&chunk.by_point))?,
             by_image: device.storage("observations by image", &chunk.by_image)?,
             image_order: device.storage("image order", &chunk.image_order)?,
             pixels: device.storage("pixels", &chunk.pixels)?,
-            residuals: device.zeroed("residuals", observations * OBSERVATION_BYTES)?,
+            residuals: residuals?,
             segments: device.storage("segments", &chunk.segments)?,
             blocks: device.zeroed("point blocks", points * POINT_BYTES)?,
             changes: device.zeroed("point changes", points * 16)?,

@@ -8,9 +8,8 @@ use crate::bundle::problem::Problem;
 use crate::gpu::sums::segments;
 use crate::grouping::group;
 
-/// Largest records of a chunk's arrays: a point's block and an observation's residuals.
+/// The largest record of a chunk's arrays over points: a point's block.
 pub(super) const POINT_BYTES: u64 = 96;
-pub(super) const OBSERVATION_BYTES: u64 = 16;
 
 /// How large a chunk may grow. A track longer than that is a chunk of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,8 +30,10 @@ pub(super) struct Chunk {
     pub(super) points: Vec<Point>,
     /// `points + 1` offsets into the points' order.
     pub(super) tracks: Vec<u32>,
-    /// Points' order: image and weight.
-    pub(super) by_point: Vec<[u32; 2]>,
+    /// Points' order: image.
+    pub(super) by_point: Vec<u32>,
+    /// Measured inverse depth and its weight; empty where no depth is known at all.
+    pub(super) depths: Vec<[f32; 2]>,
     pub(super) pixels: Vec<[f32; 2]>,
     /// Images' order: point, weight, place in the points' order.
     pub(super) by_image: Vec<[u32; 4]>,
@@ -86,6 +87,7 @@ impl Chunk {
             points: problem.points[run.clone()].iter().map(|&p| point(lattice, p)).collect(),
             tracks: Vec::with_capacity(run.len() + 1),
             by_point: Vec::new(),
+            depths: Vec::new(),
             pixels: Vec::new(),
             by_image: Vec::new(),
             image_order: Vec::new(),
@@ -100,13 +102,15 @@ impl Chunk {
     fn sort_tracks(&mut self, problem: &Problem, run: Range<usize>) -> Vec<u32> {
         let mut point_of = Vec::new();
         let mut order: Vec<usize> = Vec::new();
+        let depth = problem.depth.as_ref().filter(|depth| depth.is_any());
         self.tracks.push(0);
         for (p, point) in (0u32..).zip(run) {
             order.clear();
             order.extend(kept(problem, point));
             order.sort_by_key(|&o| problem.observation_image[o]);
             for &o in &order {
-                self.by_point.push([problem.observation_image[o], 0]);
+                self.by_point.push(problem.observation_image[o]);
+                self.depths.extend(depth.map(|depth| [depth.inverse[o] as f32, depth.weight[o] as f32]));
                 self.pixels.push(problem.observation_px[o].to_array().map(|v| v as f32));
                 point_of.push(p);
             }
@@ -117,8 +121,7 @@ impl Chunk {
 
     /// The images' order, cut into segments whose slots are given later.
     fn sort_images(&mut self, images: usize, point_of: &[u32]) {
-        let image_of: Vec<u32> = self.by_point.iter().map(|o| o[0]).collect();
-        let (start, order) = group(&image_of, images);
+        let (start, order) = group(&self.by_point, images);
         self.by_image = order.iter().map(|&o| [point_of[o as usize], 0, o, 0]).collect();
         self.image_order = vec![0; order.len()];
         for (place, &o) in (0u32..).zip(&order) {

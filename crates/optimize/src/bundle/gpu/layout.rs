@@ -16,6 +16,7 @@ use crate::bundle::frustum::Frusta;
 use crate::bundle::options::Options;
 use crate::bundle::problem::{PoseFreedom, Problem};
 use crate::gpu::{GpuError, Variant};
+use crate::loss::Loss;
 
 /// As `FEW_IMAGES` in `topology.wgsl`.
 pub(super) const FEW_IMAGES: usize = 32;
@@ -26,6 +27,8 @@ pub(super) struct Layout {
     /// In which variant the kernels run.
     pub(super) variant: Variant,
     pub(super) sizes: Sizes,
+    /// Of inverse depths.
+    pub(super) depth_loss: Loss,
     pub(super) lattice: Lattice,
     pub(super) chunks: Vec<Chunk>,
     /// Segments of all chunks.
@@ -59,6 +62,7 @@ impl Layout {
         let mut layout = Self {
             variant,
             sizes: Sizes::of(variant),
+            depth_loss: problem.depth.as_ref().map_or(Loss::Squared, |depth| depth.loss),
             segments: chunks.iter().map(|c| c.segments.len()).sum(),
             chunks,
             topology,

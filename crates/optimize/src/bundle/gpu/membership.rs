@@ -143,12 +143,15 @@ impl GpuSystem<'_> {
     /// A device that was lost.
     pub async fn occlude(&self, hides: impl Fn(usize, usize) -> bool) -> Result<(), GpuError> {
         for (chunk, buffers) in self.layout.chunks.iter().zip(&self.resident.chunks) {
-            let mut by_point: Vec<[u32; 2]> = self.device().download(&buffers.by_point, chunk.by_point.len()).await?;
+            let stride = self.layout.sizes.by_point();
+            let mut by_point: Vec<u32> =
+                self.device().download(&buffers.by_point, stride * chunk.by_point.len()).await?;
             for (p, track) in chunk.tracks.windows(2).enumerate() {
-                for o in track[0] as usize..track[1] as usize {
-                    let image = by_point[o][0] & !(OUT | HIDDEN);
+                let words = stride * track[0] as usize..stride * track[1] as usize;
+                for word in by_point[words].iter_mut().step_by(stride) {
+                    let image = *word & !(OUT | HIDDEN);
                     let hidden = hides(image as usize, chunk.first_point + p);
-                    by_point[o][0] = (by_point[o][0] & !HIDDEN) | if hidden { HIDDEN } else { 0 };
+                    *word = (*word & !HIDDEN) | if hidden { HIDDEN } else { 0 };
                 }
             }
             self.device().write(&buffers.by_point, &by_point);

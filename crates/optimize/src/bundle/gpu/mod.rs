@@ -3,7 +3,8 @@
 //! Jacobians are computed where they are needed and never stored; points are eliminated inside the operator; the
 //! reduced system is solved by PCG with a two-level preconditioner (source: `scale.md` §3). Inside a solve scalars are
 //! read back, once a step, and every second step the small matrix of the preconditioner's second level.
-//! Every camera model, also several in one problem; metric depth is left to the CPU: an error, not a silent fallback.
+//! Every camera model, also several in one problem; observations with metric depth have a third row in kernels of their own
+//! variant, so that a problem without depth pays nothing.
 
 mod buffers;
 mod checkpoint;

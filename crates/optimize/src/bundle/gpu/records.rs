@@ -26,6 +26,9 @@ pub(super) const TRUNCATED: u32 = 2;
 pub(super) const FIRST_PASS: u32 = 1;
 pub(super) const FROM_SCRATCH: u32 = 2;
 
+/// Inverse depths this many standard deviations off cost what infinity would, as in `observation.wgsl`.
+pub(super) const MAX_DEPTH_SIGMAS: f32 = 1e15;
+
 /// The uniform `Params` of every kernel.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Params {
@@ -47,10 +50,11 @@ pub(super) struct Params {
     pub(super) refresh_flags: u32,
     pub(super) revive_all: bool,
     pub(super) compact: bool,
+    pub(super) depth_loss: (u32, f32),
 }
 
 impl Params {
-    pub(super) const WORDS: usize = 20;
+    pub(super) const WORDS: usize = 22;
 
     pub(super) fn words(&self) -> [u32; Self::WORDS] {
         [
@@ -74,6 +78,8 @@ impl Params {
             self.refresh_flags,
             u32::from(self.revive_all),
             u32::from(self.compact),
+            self.depth_loss.0,
+            self.depth_loss.1.to_bits(),
         ]
     }
 }

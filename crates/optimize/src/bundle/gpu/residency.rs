@@ -1,6 +1,6 @@
 //! How a problem lies on a device.
 
-use super::chunk::{ChunkLimits, OBSERVATION_BYTES, POINT_BYTES};
+use super::chunk::{ChunkLimits, POINT_BYTES};
 use super::sizes::Sizes;
 use crate::gpu::Device;
 
@@ -22,7 +22,7 @@ impl Default for Residency {
 impl Residency {
     pub(super) fn limits(&self, device: &Device, sizes: Sizes) -> ChunkLimits {
         let fits = |bytes: u64| usize::try_from(device.max_binding_bytes() / bytes).unwrap_or(usize::MAX);
-        let most_observations = fits(OBSERVATION_BYTES);
+        let most_observations = fits(4 * sizes.residual() as u64);
         ChunkLimits {
             points: fits(POINT_BYTES),
             observations: self.chunk_observations.min(most_observations),

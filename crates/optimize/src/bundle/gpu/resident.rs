@@ -112,7 +112,8 @@ impl Resident {
             rows = first_row + own;
         }
         let (span, reduced) = sums::spans(rows);
-        let chunks = layout.chunks.iter().map(|c| ChunkBuffers::new(device, c)).collect::<Result<Vec<_>, _>>()?;
+        let chunks =
+            layout.chunks.iter().map(|c| ChunkBuffers::new(device, layout, c)).collect::<Result<Vec<_>, _>>()?;
         let counts_of = |c: &Chunk| [c.points.len(), c.by_point.len(), c.segments.len()].map(|n| n as u32);
         let counts: Vec<[u32; 3]> = layout.chunks.iter().map(counts_of).collect();
         let total = |k: usize| counts.iter().map(|c| c[k]).sum::<u32>();

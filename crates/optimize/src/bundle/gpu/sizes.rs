@@ -1,10 +1,13 @@
-//! How long the records are that depend on a variant: as `shaders/common/unit.wgsl` and `shaders/bundle/block_sums.wgsl` count.
+//! How long the records are that depend on a variant: as `shaders/common/unit.wgsl`, `shaders/bundle/block_sums.wgsl` and
+//! `shaders/bundle/observation.wgsl` count.
 
 use epipole_geometry::camera::{CameraModel, MAX_PARAMS};
 
-use super::records::Intrinsics;
+use super::records::{Intrinsics, MAX_DEPTH_SIGMAS};
+use crate::bundle::depth::Depth;
 use crate::bundle::problem::Problem;
 use crate::gpu::Variant;
+use crate::loss::Loss;
 
 /// Parameters of a camera in the narrow variant, those of OPENCV.
 const NARROW_PARAMS: usize = 8;
@@ -13,13 +16,15 @@ const KIND_WORDS: usize = 4;
 /// Unknowns of a pose.
 const POSE: usize = 6;
 
-/// The variant a problem's cameras ask for.
+/// The variant a problem's cameras and depths ask for.
 pub(super) fn variant(problem: &Problem) -> Variant {
     let is_narrow = |model| {
         use CameraModel::{OpenCv, Pinhole, Radial, SimplePinhole, SimpleRadial};
         matches!(model, SimplePinhole | Pinhole | SimpleRadial | Radial | OpenCv)
     };
-    if problem.cameras.iter().all(|c| is_narrow(c.model)) { Variant::default() } else { Variant::WIDE }
+    let cameras = if problem.cameras.iter().all(|c| is_narrow(c.model)) { Variant::default() } else { Variant::WIDE };
+    let has_depth = problem.depth.as_ref().is_some_and(Depth::is_any);
+    if has_depth { cameras.with(Variant::DEPTH) } else { cameras }
 }
 
 /// Record lengths in one variant.
@@ -27,11 +32,14 @@ pub(super) fn variant(problem: &Problem) -> Variant {
 pub(super) struct Sizes {
     /// Parameters of a camera, and numbers of a unit in every vector.
     pub(super) params: usize,
+    /// Whether observations have a third row.
+    pub(super) depth: bool,
 }
 
 impl Sizes {
     pub(super) fn of(variant: Variant) -> Self {
-        Self { params: if variant.has(Variant::WIDE) { MAX_PARAMS } else { NARROW_PARAMS } }
+        let params = if variant.has(Variant::WIDE) { MAX_PARAMS } else { NARROW_PARAMS };
+        Self { params, depth: variant.has(Variant::DEPTH) }
     }
 
     /// Numbers of a `CameraStep`: two vec4f of a pose, then a camera's unit.
@@ -79,6 +87,33 @@ impl Sizes {
             out
         };
         words.chunks_exact(self.intrinsics()).map(one).collect()
+    }
+
+    /// Words of `ByPoint`: image, weight, and that of the depth.
+    pub(super) fn by_point(self) -> usize {
+        if self.depth { 3 } else { 2 }
+    }
+
+    /// Observations in the points' order, without weights yet.
+    pub(super) fn pack_by_point(self, images: &[u32]) -> Vec<u32> {
+        let mut words = vec![0; self.by_point() * images.len()];
+        words.iter_mut().step_by(self.by_point()).zip(images).for_each(|(word, &image)| *word = image);
+        words
+    }
+
+    /// Words of `Residual`: pixels of two states; inverse depths of both, what was measured, its weight.
+    pub(super) fn residual(self) -> usize {
+        if self.depth { 8 } else { 4 }
+    }
+
+    /// Residuals before anything is known. What never has a valid projection costs the bound of its depth, as on the CPU.
+    pub(super) fn pack_depths(self, depths: &[[f32; 2]], loss: Loss) -> Vec<f32> {
+        let worst = if loss.bound().is_some() { MAX_DEPTH_SIGMAS } else { 0.0 };
+        let record = |&[inverse, weight]: &[f32; 2]| {
+            let unknown = if weight > 0.0 { (worst / weight).min(f32::MAX) } else { 0.0 };
+            [0.0, 0.0, 0.0, 0.0, unknown, unknown, inverse, weight]
+        };
+        depths.iter().flat_map(record).collect()
     }
 
     /// The first numbers of each unit, as many as the variant keeps.

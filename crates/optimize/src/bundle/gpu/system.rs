@@ -8,7 +8,7 @@ use super::counters::{Counters, ResidentBytes};
 use super::layout::Layout;
 use super::membership::{Membership, activation_word};
 use super::priors::prior_cost;
-use super::records::{Params, loss_words};
+use super::records::{MAX_DEPTH_SIGMAS, Params, loss_words};
 use super::residency::Residency;
 use super::resident::Resident;
 use super::sizes::{Sizes, variant};
@@ -68,6 +68,11 @@ pub struct GpuSystem<'a> {
     counters: Cell<Counters>,
 }
 
+/// Whether what is known of depths has squares in `f32`.
+fn fits_single_precision(depth: &Depth) -> bool {
+    depth.inverse.iter().chain(&depth.weight).all(|&v| v <= f64::from(MAX_DEPTH_SIGMAS))
+}
+
 impl<'a> GpuSystem<'a> {
     /// Checks a problem and makes it resident.
     pub fn new(device: &'a Device, problem: &Problem, options: &Options) -> Result<Self, OptimizeError> {
@@ -82,8 +87,8 @@ impl<'a> GpuSystem<'a> {
         residency: &Residency,
     ) -> Result<Self, OptimizeError> {
         problem.validate()?;
-        if problem.depth.as_ref().is_some_and(Depth::is_any) {
-            return Err(GpuError::Unsupported { what: "metric depth" }.into());
+        if !problem.depth.iter().all(fits_single_precision) {
+            return Err(GpuError::Unsupported { what: "a depth or inverse depth of more than 1e15" }.into());
         }
         let limits = residency.limits(device, Sizes::of(variant(problem)));
         let layout = Layout::new(problem, options, limits)?;
@@ -91,6 +96,7 @@ impl<'a> GpuSystem<'a> {
         let pcg = options.pcg;
         let params = Params {
             loss: loss_words(problem.loss),
+            depth_loss: loss_words(layout.depth_loss),
             activation: activation_word(options.activation),
             fixed_points: problem.fixed_points,
             eta: pcg.eta as f32,

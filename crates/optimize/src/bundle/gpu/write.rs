@@ -12,6 +12,22 @@ use super::system::GpuSystem;
 use crate::bundle::problem::{PoseFreedom, Problem};
 use crate::gpu::GpuError;
 
+/// An observation's `Residual`: what the device last knew of it, and what was measured of its depth.
+struct Held {
+    errors: [f64; 3],
+    inverse: f64,
+    weight: f64,
+}
+
+impl Held {
+    fn new(record: &[f32]) -> Self {
+        // Without depth there is nothing behind the pixel.
+        let [x, y, depth, inverse, weight] =
+            [0, 1, 4, 6, 7].map(|k| f64::from(record.get(k).copied().unwrap_or_default()));
+        Self { errors: [x, y, depth], inverse, weight }
+    }
+}
+
 impl GpuSystem<'_> {
     /// Writes the accepted state back, and returns its cost evaluated from the written values in `f64`. Where that fails
     /// the problem is as it was.
@@ -52,40 +68,45 @@ impl GpuSystem<'_> {
         let device = self.device();
         let mut sum = 0.0;
         for (chunk, buffers) in self.layout.chunks.iter().zip(&self.resident.chunks) {
-            let residuals: Vec<[f32; 4]> = device.download(&buffers.residuals, chunk.by_point.len()).await?;
-            let by_point: Vec<[u32; 2]> = device.download(&buffers.by_point, chunk.by_point.len()).await?;
+            let (count, sizes) = (chunk.by_point.len(), self.layout.sizes);
+            let residuals: Vec<f32> = device.download(&buffers.residuals, sizes.residual() * count).await?;
+            let by_point: Vec<u32> = device.download(&buffers.by_point, sizes.by_point() * count).await?;
             // In the device's order: compaction moves observations within their tracks.
-            let pixels: Vec<[f32; 2]> = device.download(&buffers.pixels, chunk.pixels.len()).await?;
+            let pixels: Vec<[f32; 2]> = device.download(&buffers.pixels, count).await?;
             for (p, track) in chunk.tracks.windows(2).enumerate() {
-                let part: f64 = (track[0] as usize..track[1] as usize)
-                    .map(|o| {
-                        let image = (by_point[o][0] & !(OUT | HIDDEN)) as usize;
-                        let kept = residuals[o];
-                        let kept = f64::from(kept[0]).powi(2) + f64::from(kept[1]).powi(2);
-                        let counts = by_point[o][0] & OUT == 0;
-                        if !counts && self.resident.params.activation == TRUNCATED {
-                            return self.tau();
-                        }
-                        let now =
-                            counts.then(|| self.square(problem, chunk.first_point + p, image, pixels[o])).flatten();
-                        problem.loss.value(now.unwrap_or(kept))
-                    })
-                    .sum();
-                sum += part;
+                let cost = |o: usize| {
+                    let word = by_point[sizes.by_point() * o];
+                    let held = Held::new(&residuals[sizes.residual() * o..sizes.residual() * (o + 1)]);
+                    self.observation_cost(problem, chunk.first_point + p, word, pixels[o], &held)
+                };
+                sum += (track[0] as usize..track[1] as usize).map(cost).sum::<f64>();
             }
         }
         Ok(0.5 * sum + prior_cost(problem))
     }
 
-    /// Squared residual of an observation in `f64`.
-    fn square(&self, problem: &Problem, point: usize, image: usize, px: [f32; 2]) -> Option<f64> {
+    /// What an observation is charged, from the written state where it counts there.
+    fn observation_cost(&self, problem: &Problem, point: usize, word: u32, px: [f32; 2], held: &Held) -> f64 {
+        let (image, counts) = ((word & !(OUT | HIDDEN)) as usize, word & OUT == 0);
+        let depth_loss = self.layout.depth_loss;
+        if !counts && self.resident.params.activation == TRUNCATED {
+            return self.tau() + if held.weight > 0.0 { depth_loss.bound().unwrap_or(0.0) } else { 0.0 };
+        }
+        let now = if counts { self.errors(problem, point, image, px, held) } else { None };
+        let [x, y, depth] = now.unwrap_or(held.errors);
+        problem.loss.value(x * x + y * y) + depth_loss.value((held.weight * depth).powi(2))
+    }
+
+    /// Errors of an observation's pixel and of its inverse depth in `f64`.
+    fn errors(&self, problem: &Problem, point: usize, image: usize, px: [f32; 2], held: &Held) -> Option<[f64; 3]> {
         let camera = &problem.cameras[problem.image_camera[image] as usize];
         let q = problem.cam_from_world[image].transform_point(problem.points[point]);
+        let depth = if held.weight > 0.0 { 1.0 / q.z - held.inverse } else { 0.0 };
         let both_sides = self.resident.params.activation == ALL && camera.model != CameraModel::Equirectangular;
         let q = if q.z < 0.0 && both_sides { -q } else { q };
         let [x, y] = project(camera.model, &camera.params, q.to_array())?;
         let px = px.map(f64::from);
-        Some((x - px[0]).powi(2) + (y - px[1]).powi(2))
+        Some([x - px[0], y - px[1], depth])
     }
 
     fn write_state(&self, problem: &mut Problem, state: &Snapshot) {

@@ -87,8 +87,8 @@ impl Plan {
     pub(super) fn rows_of(&self, chunk: &Chunk, point: usize, rows: &mut Vec<u32>) {
         rows.clear();
         let eighths = self.eighths as u32;
-        for observation in &chunk.by_point[chunk.tracks[point] as usize..chunk.tracks[point + 1] as usize] {
-            let image = observation[0] as usize;
+        for &image in &chunk.by_point[chunk.tracks[point] as usize..chunk.tracks[point + 1] as usize] {
+            let image = image as usize;
             rows.extend(self.memberships[image].iter().map(|m| m.0));
             let camera = self.image_camera[image];
             if let Some(k) = self.cameras.iter().position(|&c| c == camera) {

@@ -5,20 +5,21 @@ use std::ops::Range;
 use epipole_geometry::camera::MAX_PARAMS;
 
 use super::num::{Num, add, cross, dot, sub, tree, zero};
+use super::observation::{Weights, weighted};
 use super::points::{solve_normal, solve_row};
 use super::state::{State, Step};
 use crate::bundle::gpu::records::{HIDDEN, OUT};
 
 impl<N: Num> State<N> {
     /// Sums over segments: lanes take every 64th observation, then the tree.
-    fn by_segment(&self, value: impl Fn(usize, usize, N, usize) -> Step<N>) -> Vec<Step<N>> {
+    fn by_segment(&self, value: impl Fn(usize, usize, Weights<N>) -> Step<N>) -> Vec<Step<N>> {
         let segment = |&[image, start, end, _]: &[u32; 4]| {
             let lane = |lane: usize| {
                 let mut sum = zero();
                 for o in (start as usize + lane..end as usize).step_by(64) {
-                    let (point, weight, index) = self.by_image[o];
-                    if weight.value() != 0.0 {
-                        sum = add(sum, value(image as usize, point, weight, index));
+                    let (point, weights, _) = self.by_image[o];
+                    if weights[0].value() != 0.0 {
+                        sum = add(sum, value(image as usize, point, weights));
                     }
                 }
                 sum
@@ -30,15 +31,15 @@ impl<N: Num> State<N> {
 
     /// By segment: squared norms of the camera columns, with the count in place 6.
     pub(super) fn linearize_camera(&self) -> Vec<Step<N>> {
-        self.by_segment(|image, point, weight, _| {
-            let row = self.row(point, image, weight);
-            let [x, y] = row.point;
-            let (rx, ry) = (cross(row.ray, x), cross(row.ray, y));
+        self.by_segment(|image, point, weights| {
+            let row = self.row(point, image, weights);
+            let [x, y, z] = row.point;
+            let [rx, ry, rz] = row.point.map(|row_by_point| cross(row.ray, row_by_point));
             let params: [N; MAX_PARAMS] =
                 std::array::from_fn(|k| row.params[0][k] * row.params[0][k] + row.params[1][k] * row.params[1][k]);
             std::array::from_fn(|k| match k {
-                0..3 => rx[k] * rx[k] + ry[k] * ry[k],
-                3..6 => x[k - 3] * x[k - 3] + y[k - 3] * y[k - 3],
+                0..3 => rx[k] * rx[k] + ry[k] * ry[k] + rz[k] * rz[k],
+                3..6 => x[k - 3] * x[k - 3] + y[k - 3] * y[k - 3] + z[k - 3] * z[k - 3],
                 6 => N::of(1.0),
                 7 => N::of(0.0),
                 _ => params[k - 8],
@@ -48,8 +49,8 @@ impl<N: Num> State<N> {
 
     /// By segment: `J_cᵀ v⊥` with `‖v⊥‖²` in place 6.
     pub(super) fn product_camera(&self) -> Vec<Step<N>> {
-        self.by_segment(|image, point, weight, _| {
-            let row = self.row(point, image, weight);
+        self.by_segment(|image, point, weights| {
+            let row = self.row(point, image, weights);
             let (pose, camera) = (self.unit(7, image), self.unit(7, self.images + self.views[image].camera));
             let x = std::array::from_fn(|k| if k < 8 { pose[k] } else { camera[k - 8] });
             let v = sub(row.camera_product(&x), row.point_product(self.points[point].s));
@@ -66,30 +67,34 @@ impl<N: Num> State<N> {
             for batch in (start as usize..end as usize).step_by(64) {
                 let mut sum = vec![N::of(0.0); total.len()];
                 for o in batch..(batch + 64).min(end as usize) {
-                    let (point, weight, index) = self.by_image[o];
-                    if weight.value() == 0.0 {
+                    let (point, weights, index) = self.by_image[o];
+                    if weights[0].value() == 0.0 {
                         continue;
                     }
-                    let row = self.row(point, image as usize, weight);
+                    let row = self.row(point, image as usize, weights);
                     let z = row.point.map(|j| solve_row(&self.blocks[point], j));
-                    let one = N::of(1.0);
-                    let (mixed, mx, my) = (-dot(&z[0], &z[1]), one - dot(&z[0], &z[0]), one - dot(&z[1], &z[1]));
+                    let m: [[N; 3]; 3] = std::array::from_fn(|a| {
+                        std::array::from_fn(|b| {
+                            let product = dot(&z[a], &z[b]);
+                            if a == b { N::of(1.0) - product } else { -product }
+                        })
+                    });
                     let columns = |e| {
                         let all = row.camera_transposed(e);
                         (0..side).map(|k| if k < 6 { all[k] } else { all[k + 2] }).collect::<Vec<_>>()
                     };
-                    let j = [columns([one, N::of(0.0)]), columns([N::of(0.0), one])];
+                    let unit = |k: usize| std::array::from_fn(|i| N::of(if i == k { 1.0 } else { 0.0 }));
+                    let j = [columns(unit(0)), columns(unit(1)), columns(unit(2))];
                     let moved = row.point_product(self.points[point].s);
-                    let r = self.residuals[index];
-                    let e = [weight * r[0] - moved[0], weight * r[1] - moved[1]];
+                    let e = sub(weighted(weights, self.residuals[index][0]), moved);
                     let exact = self.exact[self.views[image as usize].camera];
                     let mut k = 0;
                     let mut poses = triangle + side;
                     for a in 0..side {
                         for b in a..side {
-                            let plain = j[0][a] * j[0][b] + j[1][a] * j[1][b];
-                            let m = [mx * j[0][b] + mixed * j[1][b], mixed * j[0][b] + my * j[1][b]];
-                            let projected = j[0][a] * m[0] + j[1][a] * m[1];
+                            let at = |k: usize| [j[0][k], j[1][k], j[2][k]];
+                            let plain = dot(&at(a), &at(b));
+                            let projected = dot(&at(a), &m.map(|m| dot(&m, &at(b))));
                             sum[k] += if exact && b >= 6 { plain } else { projected };
                             if b < 6 {
                                 sum[poses] += plain;
@@ -99,7 +104,7 @@ impl<N: Num> State<N> {
                         }
                     }
                     for a in 0..side {
-                        sum[k + a] -= j[0][a] * e[0] + j[1][a] * e[1];
+                        sum[k + a] -= dot(&[j[0][a], j[1][a], j[2][a]], &e);
                     }
                 }
                 total.iter_mut().zip(sum).for_each(|(total, sum)| *total += sum);
@@ -115,14 +120,14 @@ impl<N: Num> State<N> {
         let factor = |p: usize, camera: u32| -> [[N; MAX_PARAMS]; 3] {
             let mut sum = [zero::<N, MAX_PARAMS>(); 3];
             for o in self.tracks[p] as usize..self.tracks[p + 1] as usize {
-                let (image, weight) = ((self.by_point[o].0 & !(OUT | HIDDEN)) as usize, self.by_point[o].1);
+                let (image, weights) = ((self.by_point[o].0 & !(OUT | HIDDEN)) as usize, self.by_point[o].1);
                 if self.blocks[p][3][3].value() != 1.0
-                    || weight.value() == 0.0
+                    || weights[0].value() == 0.0
                     || self.views[image].camera != camera as usize
                 {
                     continue;
                 }
-                let row = self.row(p, image, weight);
+                let row = self.row(p, image, weights);
                 for (c, sum) in sum.iter_mut().enumerate() {
                     *sum = std::array::from_fn(|k| {
                         sum[k] + (row.point[0][c] * row.params[0][k] + row.point[1][c] * row.params[1][k])

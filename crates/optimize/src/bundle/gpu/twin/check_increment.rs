@@ -113,7 +113,7 @@ fn incremental_residuals_are_as_accurate_for_the_smallest_steps() {
         let (mut exact, mut terms, mut rounded) = (0.0, 0.0, 0.0);
         for (p, track) in chunk.tracks.windows(2).enumerate() {
             for o in track[0] as usize..track[1] as usize {
-                let image = chunk.by_point[o][0] as usize;
+                let image = chunk.by_point[o] as usize;
                 let [r, r2] = [&before, &after].map(|s| s.residual(&problem, cell, p, image, chunk.pixels[o]));
                 for k in 0..2 {
                     let (change, base) = (r2[k] - r[k], f64::from(base[4 * o + k]));

@@ -55,7 +55,9 @@ pub(super) fn check_cameras(bench: &Bench<'_>) {
         let wanted = matrix(before) * DMat3::from_quat(DQuat::from_scaled_axis(DVec3::new(step[0], step[1], step[2])));
         assert!(matrix(after).abs_diff_eq(wanted, 1e-6), "image {i}");
         assert!((matrix(after) * matrix(after).transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-6));
-        assert!(matrix(change).abs_diff_eq(matrix(after) - matrix(before), 1e-9));
+        // Differences of nearby numbers are exact; of a large step they are rounded.
+        let turn = DVec3::new(step[0], step[1], step[2]).length();
+        assert!(matrix(change).abs_diff_eq(matrix(after) - matrix(before), 1e-9 + 1e-7 * turn), "image {i}: {turn}");
         for k in 0..3 {
             let position = |v: &View<Bounded>| cell * f64::from(v.cell[k]) + v.center[k].value;
             let moved = position(after) - position(before);
@@ -94,10 +96,10 @@ pub(super) fn check_trial(bench: &Bench<'_>) {
     bench.run("trial");
     let (after, _) = bench.twins();
     let ((t, t_sums), (e, e_sums)) = (twin.trial(), exact.trial());
-    let found: Vec<f32> = after.residuals.iter().flat_map(|r| [r[2], r[3]]).collect();
+    let found: Vec<f32> = after.residuals.iter().flat_map(|r| r[1]).collect();
     compare("trial", &found, flat(&t), flat(&e));
     let sums = bench.words(&buffers.trial_sums, 8 * resident.params.point_groups as usize);
-    compare("its sums", sums.chunks(8).flat_map(|row| &row[..2]), flat(&t_sums), flat(&e_sums));
+    compare("its sums", sums.chunks(8).flat_map(|row| &row[..5]), flat(&t_sums), flat(&e_sums));
 
     bench.run("commit_camera");
     bench.run("commit_point");
@@ -110,9 +112,9 @@ pub(super) fn check_trial(bench: &Bench<'_>) {
         }
     }
     for (o, (before, now)) in after.residuals.iter().zip(&done.residuals).enumerate() {
-        let left = before[2] == super::points::INVALID;
-        let kept = if left { [before[0], before[1]] } else { [before[2], before[3]] };
-        assert_eq!(kept.map(f64::from), [now[0].value, now[1].value]);
+        let left = before[1][0] == super::sight::INVALID;
+        let kept = if left { before[0] } else { before[1] };
+        assert_eq!(kept.map(f64::from), now[0].map(|n| n.value));
         assert_eq!(done.by_point[o].0 >> 31 == 1, left || after.by_point[o].0 >> 31 == 1);
     }
 }

@@ -215,11 +215,11 @@ impl<N: Num> State<N> {
             let mut columns: [Vec3<N>; 8] = [zero(); 8];
             let (mut normal, mut arm): ([Vec3<N>; 3], Vec3<N>) = ([zero(); 3], zero());
             for o in self.tracks[p] as usize..self.tracks[p + 1] as usize {
-                let (image, weight) = ((self.by_point[o].0 & !(OUT | HIDDEN)) as usize, self.by_point[o].1);
-                if weight.value() == 0.0 || self.blocks[p][3][3].value() != 1.0 {
+                let (image, weights) = ((self.by_point[o].0 & !(OUT | HIDDEN)) as usize, self.by_point[o].1);
+                if weights[0].value() == 0.0 || self.blocks[p][3][3].value() != 1.0 {
                     continue;
                 }
-                let row_of = || self.row(p, image, weight);
+                let row_of = || self.row(p, image, weights);
                 if kind > 0 {
                     if self.views[image].camera == camera as usize {
                         let r = row_of();
@@ -236,9 +236,10 @@ impl<N: Num> State<N> {
                         continue;
                     }
                     let r = row_of();
-                    let [x, y] = r.point;
-                    let h: [Vec3<N>; 3] =
-                        std::array::from_fn(|c| scale(add(scale(x, x[c]), scale(y, y[c])), mode.weight));
+                    let [x, y, z] = r.point;
+                    let h: [Vec3<N>; 3] = std::array::from_fn(|c| {
+                        scale(add(add(scale(x, x[c]), scale(y, y[c])), scale(z, z[c])), mode.weight)
+                    });
                     normal = std::array::from_fn(|c| add(normal[c], h[c]));
                     columns[6] = sub(columns[6], std::array::from_fn(|c| dot(&h[c], &mode.from_center)));
                     arm = add(scale(r.ray, mode.inverse_radius), mode.from_center);

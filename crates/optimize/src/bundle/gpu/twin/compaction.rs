@@ -38,7 +38,7 @@ fn compaction_moves_what_counts_to_the_front_and_loses_nothing() {
                     assert_eq!(by_point[2 * o] & OUT == 0, o < counts_to, "point {p}");
                     found.push((by_point[2 * o] & !OUT, pixels[2 * o], pixels[2 * o + 1]));
                     let [x, y] = chunk.pixels[o].map(f32::to_bits);
-                    wanted.push((chunk.by_point[o][0], x, y));
+                    wanted.push((chunk.by_point[o], x, y));
                     let place = image_order[o] as usize;
                     assert_eq!((by_image[4 * place] as usize, by_image[4 * place + 2] as usize), (p, o));
                     assert_eq!(by_image[4 * place + 1], by_point[2 * o + 1], "weights in both orders");

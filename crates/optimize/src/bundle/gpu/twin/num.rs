@@ -9,7 +9,10 @@ pub(crate) use super::bounded::Bounded;
 pub(crate) trait Num: Real {
     fn of(value: f32) -> Self;
     fn root(self) -> Self;
+    /// ln(1 + x).
     fn ln(self) -> Self;
+    /// ln x.
+    fn logarithm(self) -> Self;
 }
 
 impl Num for f32 {
@@ -23,6 +26,9 @@ impl Num for f32 {
         // The kernels switch to a series for small x; this is as accurate everywhere.
         self.ln_1p()
     }
+    fn logarithm(self) -> Self {
+        f32::ln(self)
+    }
 }
 
 impl Num for Bounded {
@@ -34,6 +40,10 @@ impl Num for Bounded {
     }
     fn ln(self) -> Self {
         Self { value: self.value.ln_1p(), terms: self.value.ln_1p().abs() + self.terms / (1.0 + self.value).abs() }
+    }
+    fn logarithm(self) -> Self {
+        let value = self.value.ln();
+        Self { value, terms: value.abs() + self.terms / self.value.abs() }
     }
 }
 

@@ -1,14 +1,11 @@
-//! Twins of the kernels that walk tracks, one point an invocation.
+//! Twins of the kernels that walk tracks, one point an invocation; those that decide what counts are in `sight.rs`.
 
 use epipole_geometry::camera::MAX_PARAMS;
 
-use super::num::{Num, Vec3, add, dot, scale, sub, tree, zero};
-use super::observation::{Row, rotate};
+use super::num::{Num, Vec3, add, dot, sub, tree, zero};
+use super::observation::{Errors, Row, loss_weight, weighted};
 use super::state::{Block, State};
 use crate::bundle::gpu::records::OUT;
-
-/// What the trial finds for an observation that falls behind its camera, as `INVALID` in `types.wgsl`.
-pub(super) const INVALID: f32 = 1e30;
 
 /// `(R̃ᵀR̃)⁻¹ g` with the damped triangle of a block.
 pub(super) fn solve_normal<N: Num>(block: &Block<N>, g: Vec3<N>) -> Vec3<N> {
@@ -28,20 +25,20 @@ pub(super) fn solve_row<N: Num>(block: &Block<N>, v: Vec3<N>) -> Vec3<N> {
 }
 
 impl<N: Num> State<N> {
-    fn num_points(&self) -> usize {
+    pub(super) fn num_points(&self) -> usize {
         self.points.len()
     }
 
     /// The rows of a point's observations that count.
     fn rows_of(&self, p: usize) -> impl Iterator<Item = (usize, usize, Row<N>)> + '_ {
-        self.track(p).filter(|&o| self.by_point[o].1.value() != 0.0).map(move |o| {
-            let image = (self.by_point[o].0 & !OUT) as usize;
+        self.track(p).filter(|&o| self.by_point[o].1[0].value() != 0.0).map(move |o| {
+            let image = self.image(o);
             (o, image, self.row(p, image, self.by_point[o].1))
         })
     }
 
     /// Sums over workgroups of 64 points.
-    fn grouped<const W: usize>(&self, value: impl Fn(usize) -> [N; W]) -> Vec<[N; W]> {
+    pub(super) fn grouped<const W: usize>(&self, value: impl Fn(usize) -> [N; W]) -> Vec<[N; W]> {
         let row = |points: &std::ops::Range<usize>| {
             let lane = |k: usize| points.clone().nth(k).map_or(zero(), &value);
             tree((0..64).map(lane).collect())
@@ -49,24 +46,15 @@ impl<N: Num> State<N> {
         self.rows.iter().map(row).collect()
     }
 
-    /// By observation: residual from scratch, `None` where there is no projection.
-    pub(super) fn refresh(&self) -> Vec<Option<[N; 2]>> {
-        let mut out = Vec::new();
-        for p in 0..self.num_points() {
-            for o in self.track(p) {
-                let view = &self.views[(self.by_point[o].0 & !OUT) as usize];
-                let q = rotate(view, self.ray(&self.points[p], view));
-                out.push(self.project_residual(view.camera, q, self.pixels[o]));
+    /// By observation: roots of the weights.
+    pub(super) fn reweight(&self) -> Vec<[N; 2]> {
+        let weight = |(o, [e, _]): (usize, &[Errors<N>; 2])| {
+            if self.by_point[o].0 & OUT != 0 {
+                return zero();
             }
-        }
-        out
-    }
-
-    /// By observation: root of the weight.
-    pub(super) fn reweight(&self) -> Vec<N> {
-        let weight = |(o, r): (usize, &[N; 4])| {
-            let counts = self.by_point[o].0 & OUT == 0;
-            if counts { self.loss_weight(dot(&r[..2], &r[..2])).root() } else { N::of(0.0) }
+            let sigmas = self.measured[o].weight * e[2];
+            let pixel = loss_weight(self.loss, dot(&e[..2], &e[..2])).root();
+            [pixel, self.measured[o].weight * loss_weight(self.depth_loss, sigmas * sigmas).root()]
         };
         self.residuals.iter().enumerate().map(weight).collect()
     }
@@ -76,8 +64,7 @@ impl<N: Num> State<N> {
         let one = |p| {
             let (mut normal, mut gradient) = (zero(), zero());
             for (o, _, row) in self.rows_of(p) {
-                let w = self.by_point[o].1;
-                gradient = add(gradient, row.point_transposed([w * self.residuals[o][0], w * self.residuals[o][1]]));
+                gradient = add(gradient, row.point_transposed(weighted(self.by_point[o].1, self.residuals[o][0])));
                 for j in row.point {
                     let products = [j[0] * j[0], j[0] * j[1], j[0] * j[2], j[1] * j[1], j[1] * j[2], j[2] * j[2]];
                     normal = add(normal, products);
@@ -127,40 +114,5 @@ impl<N: Num> State<N> {
             [dot(&scaled, &y[p]), dot(&gradient(p), &alone)]
         });
         (self.points.iter().zip(&y).map(|(point, &y)| sub(point.offset, y)).collect(), sums)
-    }
-
-    /// By observation: tried residual; by workgroup: change of the cost, cost after.
-    pub(super) fn trial(&self) -> (Vec<[N; 2]>, Vec<[N; 2]>) {
-        let mut after = Vec::with_capacity(self.residuals.len());
-        let mut terms = Vec::with_capacity(self.num_points());
-        for (p, point) in self.points.iter().enumerate() {
-            let mut sum: [N; 2] = zero();
-            for o in self.track(p) {
-                let image = (self.by_point[o].0 & !OUT) as usize;
-                let r = [self.residuals[o][0], self.residuals[o][1]];
-                let mut tried = r;
-                if self.by_point[o].0 & OUT == 0 {
-                    let (view, next) = (&self.views[image], &self.views[image + self.images]);
-                    let change = &self.views[image + 2 * self.images];
-                    let ray = self.ray(point, view);
-                    let q = rotate(view, ray);
-                    let c = self.changes[p];
-                    let moved = sub([c[0], c[1], c[2]], change.center);
-                    let dq = add(rotate(change, ray), rotate(next, moved));
-                    if let Some(dr) = self.project_change(view.camera, q, dq) {
-                        tried = add(r, dr);
-                        let ds = dot(&dr, &add(scale(r, N::of(2.0)), dr));
-                        sum[0] += self.loss_difference(dot(&r, &r), ds);
-                    } else {
-                        tried = [N::of(INVALID); 2];
-                    }
-                }
-                let counted = if tried[0].value() == f64::from(INVALID) { r } else { tried };
-                sum[1] += self.loss_value(dot(&counted, &counted));
-                after.push(tried);
-            }
-            terms.push(sum);
-        }
-        (after, self.grouped(|p| terms[p]))
     }
 }

@@ -7,9 +7,10 @@ use pollster::block_on;
 
 use super::coarse::Mode;
 use super::num::{Num, Vec3};
+use super::observation::{Errors, Weights};
 use crate::bundle::gpu::GpuSystem;
 use crate::bundle::gpu::buffers::ROW_ALIGN;
-use crate::bundle::gpu::records::{EXACT_WORD, param_slot};
+use crate::bundle::gpu::records::{EXACT_WORD, HIDDEN, OUT, param_slot};
 use crate::bundle::gpu::sizes::Sizes;
 use crate::reduced::coarse::MAX_MEMBERSHIPS;
 
@@ -26,6 +27,13 @@ pub(super) struct Point<N> {
     pub(super) offset: Vec3<N>,
     pub(super) cell: [i32; 3],
     pub(super) s: Vec3<N>,
+}
+
+/// What is known of an observation's depth; weight 0 where nothing is.
+#[derive(Clone, Copy)]
+pub(super) struct Measured<N> {
+    pub(super) inverse: N,
+    pub(super) weight: N,
 }
 
 /// As `Block` in `block.wgsl`: six rows of four.
@@ -47,6 +55,13 @@ pub(super) struct State<N> {
     pub(super) cell: N,
     pub(super) lambda: N,
     pub(super) loss: (u32, N),
+    pub(super) depth_loss: (u32, N),
+    /// As in the parameters.
+    pub(super) activation: u32,
+    pub(super) tau: N,
+    pub(super) refresh_flags: u32,
+    /// By image: least depth; left, top, right, bottom, px.
+    pub(super) limits: Vec<[N; 5]>,
     pub(super) images: usize,
     pub(super) cameras: usize,
     pub(super) tracks: Vec<u32>,
@@ -74,11 +89,13 @@ pub(super) struct State<N> {
     pub(super) clusters: usize,
     pub(super) points: Vec<Point<N>>,
     pub(super) changes: Vec<[N; 4]>,
-    /// Image (with OUT) and weight.
-    pub(super) by_point: Vec<(u32, N)>,
-    /// Point, weight, place in the points' order.
-    pub(super) by_image: Vec<(usize, N, usize)>,
-    pub(super) residuals: Vec<[N; 4]>,
+    /// Image (with OUT) and weights.
+    pub(super) by_point: Vec<(u32, Weights<N>)>,
+    /// Point, weights, place in the points' order.
+    pub(super) by_image: Vec<(usize, Weights<N>, usize)>,
+    /// At the accepted and at the tried state.
+    pub(super) residuals: Vec<[Errors<N>; 2]>,
+    pub(super) measured: Vec<Measured<N>>,
     pub(super) blocks: Vec<Block<N>>,
     pub(super) partials: Vec<Step<N>>,
     pub(super) product_sums: Vec<[N; 8]>,
@@ -98,13 +115,19 @@ impl<N: Num> State<N> {
         let rows4 = |words: Vec<u32>| -> Vec<[N; 4]> {
             words.chunks_exact(4).map(|w| std::array::from_fn(|k| real(w[k]))).collect()
         };
-        let views = words(&buffers.views, 48 * images);
+        let views = words(&buffers.views, 64 * images);
+        let (views, limits) = views.split_at(48 * images);
         let sizes = layout.sizes;
         let intrinsics = sizes.unpack(&words(&buffers.intrinsics, 3 * sizes.intrinsics() * cameras));
         let mut state = Self {
             cell: N::of(params.cell),
             lambda: N::of(params.lambda),
             loss: (params.loss.0, N::of(params.loss.1)),
+            depth_loss: (params.depth_loss.0, N::of(params.depth_loss.1)),
+            activation: params.activation,
+            tau: N::of(params.tau),
+            refresh_flags: params.refresh_flags,
+            limits: limits.chunks_exact(16).map(|w| std::array::from_fn(|k| real(w[k]))).collect(),
             images,
             cameras,
             tracks: vec![0],
@@ -140,6 +163,7 @@ impl<N: Num> State<N> {
             by_point: Vec::new(),
             by_image: Vec::new(),
             residuals: Vec::new(),
+            measured: Vec::new(),
             blocks: Vec::new(),
             partials: words(&buffers.partials, sizes.step() * layout.segments)
                 .chunks_exact(sizes.step())
@@ -172,12 +196,20 @@ impl<N: Num> State<N> {
                 s: std::array::from_fn(|k| real(w[4 + k])),
             }));
             state.changes.extend(rows4(words(&buffers.changes, 4 * points)));
-            let by_point = words(&buffers.by_point, 2 * observations);
-            state.by_point.extend(by_point.chunks_exact(2).map(|w| (w[0], real(w[1]))));
+            // What a problem without depth has none of is zero.
+            let at = |w: &[u32], k: usize| if k < w.len() { real(w[k]) } else { N::of(0.0) };
+            let by_point = words(&buffers.by_point, sizes.by_point() * observations);
+            let records = by_point.chunks_exact(sizes.by_point());
+            state.by_point.extend(records.map(|w| (w[0], [real(w[1]), at(w, 2)])));
             let by_image = words(&buffers.by_image, 4 * observations);
-            let by_image = by_image.chunks_exact(4);
-            state.by_image.extend(by_image.map(|w| (first + w[0] as usize, real(w[1]), observation + w[2] as usize)));
-            state.residuals.extend(rows4(words(&buffers.residuals, 4 * observations)));
+            let records = by_image.chunks_exact(4);
+            state.by_image.extend(
+                records.map(|w| (first + w[0] as usize, [real(w[1]), real(w[3])], observation + w[2] as usize)),
+            );
+            for w in words(&buffers.residuals, sizes.residual() * observations).chunks_exact(sizes.residual()) {
+                state.residuals.push([0, 2].map(|k| [real(w[k]), real(w[k + 1]), at(w, 4 + k / 2)]));
+                state.measured.push(Measured { inverse: at(w, 6), weight: at(w, 7) });
+            }
             let blocks = rows4(words(&buffers.blocks, 24 * points));
             state.blocks.extend(blocks.chunks_exact(6).map(|b| std::array::from_fn(|k| b[k])));
         }
@@ -211,6 +243,11 @@ impl<N: Num> State<N> {
 
     pub(super) fn segments_of(&self, image: usize) -> std::ops::Range<usize> {
         self.topology[image] as usize..self.topology[image + 1] as usize
+    }
+
+    /// Of an observation in the points' order.
+    pub(super) fn image(&self, observation: usize) -> usize {
+        (self.by_point[observation].0 & !(OUT | HIDDEN)) as usize
     }
 
     pub(super) fn track(&self, point: usize) -> std::ops::Range<usize> {

@@ -13,7 +13,7 @@ use crate::gpu::Device;
 use crate::gpu::tests::device;
 use crate::loss::Loss;
 
-fn check(device: &Device, problem: &Problem) {
+pub(super) fn check(device: &Device, problem: &Problem) {
     for residency in [Residency::default(), Residency { chunk_observations: 1000 }] {
         check_in_chunks(device, problem, &residency);
     }
