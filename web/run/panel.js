@@ -40,6 +40,7 @@ export function runPanel(panel, store, engine, on) {
   function actions() {
     const { phase, opened, report } = store.state;
     const canSolve = opened?.kind === "database";
+    const focused = footer.contains(document.activeElement);
     /** @type {[string, (() => void)|null]} */
     const [label, act] = phase === "empty" ? ["Choose files", on.pickFiles]
       : phase === "opening" ? ["Reading…", null]
@@ -64,6 +65,8 @@ export function runPanel(panel, store, engine, on) {
         : `A finished model of ${bytes(opened.bytes)}: look at it, filter it, download it in another format.`;
     } else advice.textContent = "Stages, plots and the model to download appear here.";
     choiceText.textContent = describe(choice);
+    // The button just pressed means something else now: a second press must not undo what the first began.
+    if (focused) (going ? pause : main).focus();
     stages.pause(phase === "paused");
     tick();
   }
@@ -116,7 +119,10 @@ export function runPanel(panel, store, engine, on) {
       note.textContent = duration(elapsed);
     },
     /** Nothing of a run that was given up stays. */
-    clear: charts.reset,
+    clear() {
+      charts.reset();
+      note.textContent = "";
+    },
     download: () => {
       if (store.state.phase === "done" || (store.state.phase === "ready" && store.state.opened?.kind === "model")) openExport();
     },

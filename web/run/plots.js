@@ -44,8 +44,10 @@ class Plot {
     this.data = data;
     const empty = data.length === 0 || data[0].length === 0;
     hide(this.node, empty);
-    if (empty) this.forget();
-    else if (this.timer === 0) this.timer = window.setTimeout(() => this.draw(), Math.max(0, PACE_MS - (performance.now() - this.last)));
+    if (empty) {
+      clearTimeout(this.timer);
+      this.timer = 0;
+    } else if (this.timer === 0) this.timer = window.setTimeout(() => this.draw(), Math.max(0, PACE_MS - (performance.now() - this.last)));
   }
 
   draw() {
@@ -55,17 +57,18 @@ class Plot {
     else this.chart = new uPlot(/** @type {any} */ ({ width: this.width, height: HEIGHT_PX, padding: [8, 6, 0, 0], legend: { show: false }, ...this.options() }), /** @type {any} */ (this.data), this.box);
   }
 
-  forget() {
-    clearTimeout(this.timer);
-    this.timer = 0;
-    this.chart?.destroy();
-    this.chart = null;
-  }
-
   /** In the colours of a new theme. */
   restyle() {
-    if (!this.chart) return;
-    this.forget();
+    this.chart?.destroy();
+    this.chart = null;
+    if (this.data.length > 0) this.draw();
+  }
+
+  /** Makes the plot while there is time: the first one costs some ten milliseconds, which a solve should not see. */
+  prepare() {
+    if (this.chart) return;
+    const columns = this.options().series.length;
+    this.data = Array.from({ length: columns }, () => []);
     this.draw();
   }
 }
@@ -110,6 +113,9 @@ export function plots(store, select) {
     images.feed([values.map((_, k) => k + 1), values.map((value, k) => (k === image ? null : value)), values.map((value, k) => (k === image ? value : null))]);
   }
   store.on(["selection"], perImage);
+  store.on(["opened"], () => {
+    if (store.state.opened) all.forEach((plot, k) => setTimeout(() => plot.prepare(), 100 + 60 * k));
+  });
 
   return {
     node,

@@ -91,7 +91,7 @@ export function frameOf(snapshot) {
 /** Shares of points and of cameras that the first view holds: points stray, cameras seldom do. */
 const HELD = { points: 0.95, eyes: 0.98 };
 /** Cameras may push the view back by so much, no more: the scene itself comes first. */
-const MOST_FOR_CAMERAS = 2;
+const MOST_FOR_CAMERAS = 3;
 
 /**
  * How far from the centre one must stand to see nearly all of it. @param {Frame} frame @param {number} aspect @param {number} tanHalfY

@@ -47,7 +47,7 @@ export function scenePanel(panel, store, engine, pictures, on) {
     store.set({ seenBy });
     highlight();
   });
-  const cards = startCards(store, on);
+  const cards = startCards(store, { ...on, leave: () => canvas.focus({ preventScroll: true }) });
   panel.append(canvas, cards.node, facts, legend, unavailable, point.node, tools.node);
 
   startControls(canvas, view, {
@@ -119,7 +119,11 @@ export function scenePanel(panel, store, engine, pictures, on) {
   return {
     theme, clear,
     progress: cards.progress,
-    snap: (/** @type {number} */ image) => view.send({ type: "snap", image }),
+    snap: (/** @type {number} */ image) => {
+      view.send({ type: "snap", image });
+      // Where the panels are stacked it may be out of sight.
+      panel.scrollIntoView({ block: "nearest" });
+    },
     frame: () => view.send({ type: "frame" }),
     /** @param {import("../engine/protocol.js").Snapshot} snapshot its arrays move to the worker that draws */
     show: (snapshot) => view.show(snapshot),

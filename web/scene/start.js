@@ -8,7 +8,7 @@ const MAX_CHORDS = 4000;
 
 /**
  * @param {import("../store.js").Store} store
- * @param {{ pickFiles: () => void, pickFolder: () => void, sample: () => void, solve: () => void, giveUp: () => void }} on
+ * @param {{ pickFiles: () => void, pickFolder: () => void, sample: () => void, solve: () => void, giveUp: () => void, leave: () => void }} on leave: the focus must go elsewhere
  */
 export function startCards(store, on) {
   const drop = el("div", { class: "card drop-card" },
@@ -28,23 +28,32 @@ export function startCards(store, on) {
   const name = el("h2", {}, "");
   const facts = el("dl", { class: "facts-list" });
   const hint = el("p", { class: "quiet small" });
-  const ready = el("div", { class: "card ready" }, name, facts, el("div", { class: "card-actions" },
-    el("button", { type: "button", class: "main", onclick: on.solve }, "Reconstruct now")), hint);
+  const solveNow = el("button", { type: "button", class: "main", onclick: on.solve }, "Reconstruct now");
+  const ready = el("div", { class: "card ready" }, name, facts, el("div", { class: "card-actions" }, solveNow), hint);
   const ring = el("canvas", { class: "ring", "aria-hidden": "true" });
   const node = el("div", { class: "start" }, ring, drop, reading, ready);
 
+  /** The focus was in a card that is gone meanwhile. */
+  let cameFrom = false;
   function update() {
     const { phase, opened, pictures, placed } = store.state;
     const waits = phase === "ready" && opened?.kind === "database";
     // Until the first cameras have a place, what is known of the scene is who matches whom.
     const matching = placed.size === 0 && (phase === "running" || phase === "paused");
+    const focused = node.contains(document.activeElement);
     hide(drop, !(phase === "empty"));
     hide(reading, phase !== "opening");
+    if (focused && phase === "opening") cameFrom = true;
+    if (phase === "empty") cameFrom = false;
     hide(ready, !waits);
     hide(ring, !(waits || matching));
     hide(node, !(phase === "empty" || phase === "opening" || waits || matching));
     if (matching) draw();
+    if (focused && phase !== "opening" && !waits) on.leave();
     if (!waits || !opened) return;
+    // Whoever came here by keyboard goes on from here.
+    if (focused || cameFrom) solveNow.focus({ preventScroll: true });
+    cameFrom = false;
     let matches = 0;
     for (let k = 2; k < opened.pairs.length; k += 3) matches += opened.pairs[k];
     name.textContent = opened.name;
