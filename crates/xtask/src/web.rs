@@ -47,9 +47,8 @@ pub(crate) fn build(arguments: &Arguments) -> Result<(), Error> {
     let mut bindgen = cargo(&["run", "--locked", "--release", "-p", "epipole-bindgen", "--"]);
     run(bindgen.arg(&module).arg(&folder), "")?;
     packages()?;
-    for file in ["uPlot.esm.js", "uPlot.min.css"] {
-        copy(&modules().join("uplot/dist").join(file), &folder.join(file))?;
-    }
+    plots(&folder)?;
+    copy(&modules().join("uplot/dist/uPlot.min.css"), &folder.join("uPlot.min.css"))?;
     copy(&modules().join("uplot/dist/uPlot.d.ts"), &folder.join("uPlot.esm.d.ts"))?;
     copy(&root().join("tests/fixtures/orbit/database.db"), &folder.join("sample.db"))?;
     let wasm = folder.join("epipole_web_bg.wasm");
@@ -66,6 +65,14 @@ pub(crate) fn build(arguments: &Arguments) -> Result<(), Error> {
 
 fn copy(from: &Path, to: &Path) -> Result<(), Error> {
     fs::copy(from, to).map(|_| ()).map_err(|source| Error::Io { path: from.to_owned(), source })
+}
+
+/// uPlot's small build is a script that sets a variable; the page loads modules.
+fn plots(folder: &Path) -> Result<(), Error> {
+    let from = modules().join("uplot/dist/uPlot.iife.min.js");
+    let script = fs::read_to_string(&from).map_err(|source| Error::Io { path: from, source })?;
+    let path = folder.join("uPlot.esm.js");
+    fs::write(&path, format!("{script}\nexport default uPlot;\n")).map_err(|source| Error::Io { path, source })
 }
 
 /// The npm packages of `web/package.json`.
