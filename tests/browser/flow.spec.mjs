@@ -1,51 +1,106 @@
-// The whole way: a database goes in, a model comes out.
+// The whole way: a database goes in, a model comes out, and it is as good as the command line's.
 
 import assert from "node:assert/strict";
-import { mkdir } from "node:fs/promises";
+import { readFileSync, rmSync } from "node:fs";
 import { join } from "node:path";
 import { test } from "node:test";
-import { button, choose, open, out, reconstruct, shared } from "./page.mjs";
+import { unpack } from "./archive.mjs";
+import { button, choose, computeOn, download, evaluate, fixtures, nativeModel, open, openScene, out, panel, phase, reconstruct, shared } from "./page.mjs";
 
-await mkdir(out, { recursive: true });
+/** AUC@1 of the page's model may differ by so much from the command line's on the same file (issue 5). */
+const AUC_TOLERANCE = 0.3;
 
-test("the sample is reconstructed, inspected and downloaded", async () => {
-  const { browser, page, complaints, readyMs } = await open();
+/** The page's download, unpacked. @param {import("./page.mjs").Page} page @param {string} name */
+async function exported(page, name) {
+  const folder = join(out, name);
+  rmSync(folder, { recursive: true, force: true });
+  return { folder, names: unpack(await download(page, `${name}.zip`), folder) };
+}
+
+/** The folder of a model within an export. @param {{ folder: string, names: string[] }} files */
+function modelFolder({ folder, names }) {
+  const cameras = names.find((name) => name.endsWith("cameras.bin"));
+  assert.ok(cameras, `no model in ${names.join(", ")}`);
+  return join(folder, cameras, "..");
+}
+
+/** Solves in the page and on the command line, and holds both to each other by the truth. */
+async function compare({ name, database, truth, images, gpu, limitMs }) {
+  const { browser, page, complaints } = await open({ gpu });
   try {
-    await page.screenshot({ path: join(out, "before.png") });
+    await openScene(page, [database]);
+    // Software adapters are taken by those only who ask for them.
+    if (gpu) await computeOn(page, "gpu");
+    const ms = await reconstruct(page, limitMs);
+    assert.match(await panel(page, "Run"), new RegExp(`\\b${images} of ${images} images placed`));
+    const adapters = await page.evaluate(() => globalThis.watched.messages.filter((m) => m.type === "backend").map((m) => m.adapter.kind));
+    assert.deepEqual(adapters, [gpu ? "software" : "none"], "computes where it was meant to");
+    const files = await exported(page, `${name}-page`);
+    const [ours, theirs] = [evaluate(modelFolder(files), truth), evaluate(nativeModel(database, name), truth)];
+    assert.equal(ours.common_images, images);
+    console.log(`${name}: ${ms} ms in the page, AUC@1 ${ours.auc_all.at_1.toFixed(2)}, command line ${theirs.auc_all.at_1.toFixed(2)}`);
+    assert.ok(Math.abs(ours.auc_all.at_1 - theirs.auc_all.at_1) <= AUC_TOLERANCE, `${ours.auc_all.at_1} and ${theirs.auc_all.at_1}`);
+    await page.screenshot({ path: join(out, `${name}.png`) });
+    assert.deepEqual(complaints, []);
+  } finally {
+    await browser.close();
+  }
+}
+
+test("the sample is reconstructed and downloaded in every format", { timeout: 60_000 }, async () => {
+  const { browser, page, complaints } = await open();
+  try {
     await button(page, "Try a sample").click();
-    await button(page, "Reconstruct").waitFor();
-    const solved = await reconstruct(page, 60_000);
-    await page.waitForTimeout(500);
-    await page.screenshot({ path: join(out, "sample.png") });
-    console.log(`first interaction after ${readyMs} ms, sample solved in ${solved} ms`);
-    assert.match(await page.locator(".now").innerText(), /of \d+ images are placed/);
-    await button(page, "Download model").click();
-    const download = page.waitForEvent("download");
-    await button(page, "Download").click();
-    const saved = join(out, "sample.zip");
-    await (await download).saveAs(saved);
+    await phase(page, ["ready"]);
+    await reconstruct(page, 30_000);
+    assert.match(await panel(page, "Run"), /18 of 18 images placed/);
+    await page.getByRole("region", { name: "Run" }).getByRole("button", { name: "Download model" }).click();
+    for (const box of await page.getByRole("dialog").getByRole("checkbox").all()) await box.check();
+    const started = page.waitForEvent("download");
+    await button(page.getByRole("dialog"), "Download").click();
+    const folder = join(out, "sample");
+    rmSync(folder, { recursive: true, force: true });
+    await (await started).saveAs(`${folder}.zip`);
+    const names = unpack(`${folder}.zip`, folder);
+    for (const name of ["cameras.bin", "images.bin", "points3D.bin", "cameras.txt", "images.txt", "points3D.txt", ".ply", "transforms.json", "report.json", "settings.json"]) {
+      assert.ok(names.some((found) => found.endsWith(name)), `${name} is missing from ${names.join(", ")}`);
+    }
+    const truth = join(fixtures, "orbit/truth");
+    const text = names.find((name) => name.endsWith("cameras.txt")) ?? "";
+    for (const model of [modelFolder({ folder, names }), join(folder, text, "..")]) {
+      const { auc_all: auc, common_images: common } = evaluate(model, truth);
+      assert.equal(common, 18);
+      assert.ok(auc.at_1 > 80, `AUC@1 ${auc.at_1}`);
+    }
+    const report = JSON.parse(readFileSync(join(folder, names.find((name) => name.endsWith("report.json")) ?? ""), "utf8"));
+    assert.equal(report.num_registered, 18);
     assert.deepEqual(complaints, []);
   } finally {
     await browser.close();
   }
 });
 
+const herzJesus = shared && { database: join(shared, "strecha_Herz-Jesus-P8/database.db"), truth: join(shared, "strecha_Herz-Jesus-P8/gt/sparse"), images: 8 };
+const orbit = { database: join(fixtures, "orbit/database.db"), truth: join(fixtures, "orbit/truth"), images: 18 };
+
 for (const gpu of [true, false]) {
-  test(`Herz-Jesus-P8 is reconstructed ${gpu ? "with" : "without"} WebGPU`, { skip: shared === "" && "no shared data" }, async () => {
-    const { browser, page, complaints } = await open({ gpu });
-    try {
-      await choose(page, [join(shared, "data/strecha_Herz-Jesus-P8/database.db")]);
-      await button(page, "Reconstruct").waitFor({ timeout: 30_000 });
-      const solved = await reconstruct(page, 180_000);
-      console.log(`Herz-Jesus-P8 ${gpu ? "with" : "without"} WebGPU: ${solved} ms`);
-      assert.match(await page.locator(".now").innerText(), /8 of 8 images are placed/);
-      await page.waitForTimeout(500);
-      await page.screenshot({ path: join(out, `herz-jesus-${gpu ? "gpu" : "cpu"}.png`) });
-      const long = await page.evaluate(() => Reflect.get(globalThis, "longTasks"));
-      console.log("tasks over 50 ms on the page's thread:", JSON.stringify(long));
-      assert.deepEqual(complaints, []);
-    } finally {
-      await browser.close();
-    }
-  });
+  const name = `${herzJesus ? "Herz-Jesus-P8" : "orbit"}-${gpu ? "webgpu" : "processor"}`;
+  test(`${name} is as good as on the command line`, { timeout: 240_000 }, () => compare({ name, ...(herzJesus || orbit), gpu, limitMs: 200_000 }));
 }
+
+test("castle-P19 on the processor is as good as on the command line", { skip: !shared && "no shared data", timeout: 180_000 }, () =>
+  compare({ name: "castle-P19", database: join(shared ?? "", "strecha_castle-P19/database.db"), truth: join(shared ?? "", "strecha_castle-P19/gt/sparse"), images: 19, gpu: false, limitMs: 150_000 }));
+
+test("a COLMAP model opens and goes out again as it came", { timeout: 60_000 }, async () => {
+  const { browser, page, complaints } = await open();
+  try {
+    const truth = join(fixtures, "orbit/truth");
+    await choose(page, ["cameras.txt", "images.txt", "points3D.txt"].map((name) => join(truth, name)));
+    await phase(page, ["ready", "done"]);
+    const { auc_all: auc, scale_error: scale } = evaluate(modelFolder(await exported(page, "orbit-model")), truth);
+    assert.ok(auc.at_1 > 99.99 && Math.abs(scale) < 1e-6, `${auc.at_1} ${scale}`);
+    assert.deepEqual(complaints, []);
+  } finally {
+    await browser.close();
+  }
+});

@@ -1,6 +1,11 @@
-// The page in headless Chromium, for the specs: served by `cargo xtask page`, driven by playwright-core.
+// The page in headless Chromium, for the specs: served and started by `cargo xtask browser`, driven by playwright-core.
 
+import { execFileSync } from "node:child_process";
+import { existsSync, mkdirSync } from "node:fs";
+import { join } from "node:path";
 import { chromium } from "../../web/node_modules/playwright-core/index.mjs";
+
+/** @typedef {import("../../web/node_modules/playwright-core/index.js").Page} Page */
 
 /** WebGPU and WebGL on SwiftShader, canvases that can be photographed (source: shared/toolchain.md). */
 const WITH_GPU = [
@@ -13,45 +18,184 @@ const COMMON = [
   "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync",
 ];
 
-export const url = process.env.EPIPOLE_PAGE ?? "http://127.0.0.1:8080/";
-export const shared = process.env.EPIPOLE_SHARED ?? "";
-export const out = process.env.EPIPOLE_OUT ?? "/tmp";
+const need = (/** @type {string} */ name) => process.env[name] ?? (() => { throw new Error(`${name} is not set: run the specs with \`cargo xtask browser\``); })();
+export const url = need("EPIPOLE_PAGE");
+/** Where pictures, downloads and made scenes go. */
+export const out = need("EPIPOLE_OUT");
+/** The real scenes, or nothing. @type {string|undefined} */
+export const shared = process.env.EPIPOLE_SHARED;
+export const fixtures = new URL("../fixtures", import.meta.url).pathname;
+mkdirSync(out, { recursive: true });
 
-/** @param {{ gpu?: boolean, width?: number, height?: number, theme?: "dark"|"light", query?: string }} [options] */
-export async function open({ gpu = true, width = 1440, height = 880, theme = "dark", query = "" } = {}) {
+/**
+ * A browser with one page on it. `complaints` is everything that the page said to the console as an error: nothing it says
+ * there is without meaning.
+ * @param {{ gpu?: boolean, width?: number, height?: number, theme?: "dark"|"light", query?: string, still?: boolean, touch?: boolean }} [options]
+ */
+export async function open({ gpu = false, width = 1440, height = 880, theme = "dark", query = "", still = false, touch = false } = {}) {
   const browser = await chromium.launch({
     executablePath: process.env.EPIPOLE_CHROMIUM ?? "/usr/bin/chromium",
     args: [...COMMON, ...(gpu ? WITH_GPU : WITHOUT_GPU)],
   });
-  const page = await browser.newPage({ viewport: { width, height }, colorScheme: theme, acceptDownloads: true });
-  /** Nothing the page says to the console is without meaning. @type {string[]} */
+  const page = await browser.newPage({ viewport: { width, height }, colorScheme: theme, reducedMotion: still ? "reduce" : "no-preference", hasTouch: touch, isMobile: touch, deviceScaleFactor: touch ? 2 : 1 });
+  /** @type {string[]} */
   const complaints = [];
   page.on("console", (message) => message.type() === "error" && complaints.push(message.text()));
   page.on("pageerror", (error) => complaints.push(String(error)));
-  // Every task over 50 ms on the page's own thread, from the start.
-  await page.addInitScript(() => {
-    const long = [];
-    Reflect.set(globalThis, "longTasks", long);
-    new PerformanceObserver((list) => long.push(...list.getEntries().map(({ startTime, duration }) => ({ startTime, duration })))).observe({ type: "longtask", buffered: true });
-  });
+  await page.addInitScript(watch);
   const start = Date.now();
   await page.goto(url + query);
-  await page.getByText("processor").or(page.getByText("SwiftShader")).first().waitFor({ timeout: 20_000 });
-  return { browser, page, complaints, readyMs: Date.now() - start };
+  const loadedMs = Date.now() - start;
+  await page.waitForFunction(() => globalThis.watched.engineReady !== null, undefined, { timeout: 20_000 });
+  return { browser, page, complaints, loadedMs, readyMs: Date.now() - start };
 }
 
-/** Chooses files as a person does. @param {import("playwright-core").Page} page @param {string[]} files */
+/** In the page, before its own scripts: long tasks of its thread, and what its workers say and when. */
+function watch() {
+  const watched = { longTasks: [], messages: [], workers: [], engineReady: null };
+  Reflect.set(globalThis, "watched", watched);
+  new PerformanceObserver((list) => watched.longTasks.push(...list.getEntries().map(({ startTime, duration }) => ({ startTime, duration }))))
+    .observe({ type: "longtask", buffered: true });
+  const Plain = globalThis.Worker;
+  globalThis.Worker = class extends Plain {
+    constructor(address, options) {
+      super(address, options);
+      watched.workers.push(this);
+      this.addEventListener("message", ({ data }) => {
+        if (data?.type === "ready") {
+          watched.engineReady ??= performance.now();
+          watched.engine = this;
+        }
+        watched.messages.push({ at: performance.now(), type: data?.type ?? "answer", event: data?.event?.event, stage: data?.event?.stage, adapter: data?.adapter });
+      });
+    }
+  };
+}
+
+/** Waits until the page is in one of these phases. @param {Page} page @param {string[]} phases @param {number} [timeout] */
+export async function phase(page, phases, timeout = 60_000) {
+  await page.waitForFunction((wanted) => wanted.includes(document.body.dataset.phase), phases, { timeout, polling: 20 });
+}
+
+/** Chooses files as a person does. @param {Page} page @param {string[]} files */
 export async function choose(page, files) {
   await page.locator('input[type="file"][aria-label="Files"]').setInputFiles(files);
 }
 
-/** @param {import("playwright-core").Page} page @param {string} name */
+/**
+ * Drops files and folders anywhere on the page, as the browser hands them over; a folder's content is an object.
+ * @param {Page} page @param {Record<string, any>} tree names to base64 content or further folders
+ */
+export async function drop(page, tree) {
+  await page.evaluate((tree) => {
+    const entry = (name, content, path) => {
+      const fullPath = `${path}/${name}`;
+      if (typeof content !== "string") {
+        let children = Object.entries(content).map(([child, inner]) => entry(child, inner, fullPath));
+        // The system's reader gives what it has and then nothing.
+        const readEntries = (done) => done(children.splice(0, 100));
+        return { isFile: false, isDirectory: true, name, fullPath, createReader: () => ({ readEntries }) };
+      }
+      const file = new File([Uint8Array.from(atob(content), (c) => c.charCodeAt(0))], name);
+      return { isFile: true, isDirectory: false, name, fullPath, file: (done) => done(file) };
+    };
+    const items = Object.entries(tree).map(([name, content]) => ({ kind: "file", webkitGetAsEntry: () => entry(name, content, ""), getAsFile: () => null }));
+    const event = new DragEvent("drop", { bubbles: true, cancelable: true });
+    Object.defineProperty(event, "dataTransfer", { value: { types: ["Files"], items, files: [] } });
+    document.querySelector("#scene").dispatchEvent(event);
+  }, tree);
+}
+
+/** Opens a scene and waits until it can be solved. @param {Page} page @param {string[]} files @param {number} [timeout] */
+export async function openScene(page, files, timeout = 60_000) {
+  await choose(page, files);
+  await phase(page, ["ready"], timeout);
+}
+
+/** @param {Page} page @param {string} name */
 export const button = (page, name) => page.getByRole("button", { name, exact: true });
 
-/** Runs the opened scene to its end; milliseconds. @param {import("playwright-core").Page} page @param {number} limitMs */
+/** Chooses where the next solve computes. @param {Page} page @param {"gpu"|"cpu"|"auto"} backend */
+export async function computeOn(page, backend) {
+  await page.getByRole("region", { name: "Run" }).getByRole("button", { name: "Settings" }).click();
+  const dialog = page.getByRole("dialog");
+  await dialog.getByLabel("Compute on").selectOption(backend);
+  await button(dialog, "Use these").click();
+}
+
+/** Solves the opened scene to its end; milliseconds. @param {Page} page @param {number} limitMs */
 export async function reconstruct(page, limitMs) {
   const start = Date.now();
-  await button(page, "Reconstruct").click();
-  await button(page, "Download model").waitFor({ timeout: limitMs });
+  await page.getByRole("region", { name: "Run" }).getByRole("button", { name: "Reconstruct" }).click();
+  await phase(page, ["done"], limitMs);
   return Date.now() - start;
+}
+
+/** What the page says of problems, once it says anything. @param {Page} page @param {number} [timeout] */
+export async function refusal(page, timeout = 30_000) {
+  const notice = page.getByRole("alert").locator(".notice");
+  await notice.first().waitFor({ timeout });
+  return (await notice.allInnerTexts()).join("\n");
+}
+
+/** The whole text of a panel. @param {Page} page @param {"Inputs"|"Scene"|"Run"} name */
+export const panel = (page, name) => page.getByRole("region", { name }).innerText();
+
+/** What was downloaded by a click. @param {Page} page @param {string} name @returns {Promise<string>} its path */
+export async function download(page, name) {
+  const started = page.waitForEvent("download", { timeout: 30_000 });
+  await page.getByRole("region", { name: "Run" }).getByRole("button", { name: "Download model" }).click();
+  await page.getByRole("dialog").getByRole("button", { name: "Download", exact: true }).click();
+  const saved = join(out, name);
+  await (await started).saveAs(saved);
+  return saved;
+}
+
+/** A scene by the project's synthesiser, made once. @param {string} name @param {string[]} options @returns {string} its folder */
+export function synth(name, options) {
+  const folder = join(out, name);
+  if (!existsSync(join(folder, "database.db"))) {
+    execFileSync(need("EPIPOLE_FIXTURES"), ["synth", ...options, "--output", folder], { stdio: "ignore" });
+  }
+  return folder;
+}
+
+/** A database of so many bytes. @param {string} path @param {number} bytes */
+export function large(path, bytes) {
+  execFileSync(need("EPIPOLE_FIXTURES"), ["large", "--bytes", String(bytes), "--output", path], { stdio: "ignore" });
+}
+
+/** The command line's own run of a database, made anew; returns the model. @param {string} database @param {string} name */
+export function nativeModel(database, name) {
+  const folder = join(out, `${name}-native`);
+  execFileSync(need("EPIPOLE_PROGRAM"), ["reconstruct", database, "--output", folder], { stdio: "ignore" });
+  return join(folder, "0");
+}
+
+/** `epipole evaluate --json`. @param {string} model @param {string} truth */
+export function evaluate(model, truth) {
+  return JSON.parse(execFileSync(need("EPIPOLE_PROGRAM"), ["evaluate", model, truth, "--json"], { encoding: "utf8" }).trim().split("\n").at(-1) ?? "");
+}
+
+/** Bytes that the engine's wasm memory has grown to. @param {Page} page */
+export async function wasmBytes(page) {
+  const answer = await ask(page, { type: "memory" });
+  return answer.value;
+}
+
+/** Asks the engine's worker as the page does; with how long the answer took. @param {Page} page @param {Record<string, any>} command */
+export async function ask(page, command) {
+  return page.evaluate((command) => new Promise((resolve) => {
+    const { engine } = globalThis.watched;
+    // The page counts from zero: a negative id is nobody's.
+    const id = -1 - Math.floor(Math.random() * 1e9);
+    const start = performance.now();
+    const listen = ({ data }) => {
+      if (data?.id !== id) return;
+      engine.removeEventListener("message", listen);
+      resolve({ value: data.value, failure: data.failure, ms: performance.now() - start });
+    };
+    engine.addEventListener("message", listen);
+    engine.postMessage({ id, ...command });
+  }), command);
 }

@@ -73,7 +73,7 @@ export async function sort(entries, told = () => {}) {
       else if (kind === "settings") sorted.settings = entry;
       else if (kind in by) by[kind].push(entry);
       // In a folder or an archive other files are no mistake; dropped by hand they are.
-      else if (entries.length <= 3 && !inArchive) sorted.refused.push(refusal(entry.path, kind));
+      else if (entries.length <= 3 && !inArchive && !entry.path.includes("/")) sorted.refused.push(refusal(entry.path, kind));
     }
   };
   await take(entries, false);

@@ -102,16 +102,22 @@ async function unpack(file, item, fail) {
   if (item.method === 0) return packed;
   if (item.method !== 8) throw fail(`${item.name} is packed with method ${item.method}`, "pack with the usual method (deflate)");
   let done = 0;
+  /** A response does not pass on why its stream ended. @type {Refusal|null} */
+  let refused = null;
   const guarded = packed.stream().pipeThrough(new DecompressionStream("deflate-raw")).pipeThrough(new TransformStream({
     transform(chunk, controller) {
       done += chunk.byteLength;
-      if (done > item.size) controller.error(fail(`${item.name} unpacks to more than its directory says`, "this is no honest archive"));
-      else controller.enqueue(chunk);
+      if (done <= item.size) {
+        controller.enqueue(chunk);
+        return;
+      }
+      refused = fail(`${item.name} unpacks to more than its directory says`, "this is no honest archive; unpack it yourself if you trust it");
+      controller.error(refused);
     },
   }));
   try {
     return await new Response(guarded).blob();
-  } catch (error) {
-    throw error instanceof Refusal ? error : fail(`${item.name} is damaged`, "copy the archive again");
+  } catch {
+    throw refused ?? fail(`${item.name} is damaged`, "copy the archive again");
   }
 }

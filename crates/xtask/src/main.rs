@@ -1,6 +1,7 @@
 //! `cargo xtask …`: everything a script would do, in the language everybody here has.
 
 mod bench;
+mod browser;
 mod demo;
 mod error;
 mod experiments;
@@ -44,6 +45,8 @@ enum Command {
     Web(web::Arguments),
     /// Builds the page and serves it to this machine: the first thing to try.
     Serve(serve::Arguments),
+    /// Drives the page in headless Chromium: `tests/browser`.
+    Browser(browser::Arguments),
     /// Settles what can be settled about the GPU design on this machine: `docs/gpu-experiments.md`.
     Experiments(experiments::Arguments),
     /// Measures Epipole against pycolmap on the same inputs, in turn; `bench gpu` and `bench backends` need no peer.
@@ -59,6 +62,7 @@ fn main() -> ExitCode {
         Command::Damage(arguments) => fixtures::damage(&arguments),
         Command::Fixtures => fixtures::regenerate(),
         Command::Shaders(arguments) => shaders::run(&arguments),
+        Command::Browser(arguments) => browser::run(&arguments),
         Command::Experiments(arguments) => experiments::run(&arguments),
         Command::Web(arguments) => web::build(&arguments),
         Command::Serve(arguments) => serve::run(&arguments),
@@ -70,5 +74,17 @@ fn main() -> ExitCode {
             eprintln!("error: {e}");
             ExitCode::FAILURE
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_sound() {
+        Cli::command().debug_assert();
     }
 }

@@ -24,27 +24,34 @@ pub(crate) struct Arguments {
 }
 
 /// Requests answered at once: a browser opens six connections.
-const THREADS: usize = 6;
+pub(crate) const THREADS: usize = 6;
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Error> {
     if !arguments.no_build {
         web::build(&arguments.build)?;
     }
-    let server = Server::http(("127.0.0.1", arguments.port)).map_err(|e| {
-        Error::Missing(format!("port {} cannot be used: {e}; choose another with --port", arguments.port))
-    })?;
+    let server = listen(arguments.port)?;
     println!("Epipole is at http://{}", server.server_addr());
     thread::scope(|scope| {
         for _ in 0..THREADS {
-            scope.spawn(|| {
-                while let Ok(request) = server.recv() {
-                    // A browser that went away is nobody's mistake.
-                    let _ = answer(request);
-                }
-            });
+            scope.spawn(|| answer_all(&server));
         }
     });
     Ok(())
+}
+
+/// A server on this machine's own address; port 0 takes a free one.
+pub(crate) fn listen(port: u16) -> Result<Server, Error> {
+    Server::http(("127.0.0.1", port))
+        .map_err(|e| Error::Missing(format!("port {port} cannot be used: {e}; choose another with --port")))
+}
+
+/// Answers until the server is unblocked; any number of threads may.
+pub(crate) fn answer_all(server: &Server) {
+    while let Ok(request) = server.recv() {
+        // A browser that went away is nobody's mistake.
+        let _ = answer(request);
+    }
 }
 
 fn answer(request: Request) -> std::io::Result<()> {

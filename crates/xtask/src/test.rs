@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use clap::Args;
 
+use crate::browser;
 use crate::error::Error;
 use crate::process::{self, cargo, output};
 use crate::shaders::{self, WITH_GPU};
@@ -25,7 +26,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Error> {
         checked("clippy", &[&["clippy"], &WITH_GPU[..], &lints[..]].concat(), "")?;
     }
     step(&[&["test"], &WITH_GPU[..], &["--no-fail-fast"]].concat(), "")?;
-    shaders::run_in_tests()
+    shaders::run_in_tests()?;
+    browser::run_in_tests()
 }
 
 /// A step whose tool may be missing on a machine without rustup's components: then it is left out, loudly.

@@ -21,7 +21,9 @@ const CLANGS: [(&str, &str); 4] =
 /// All that a first visit loads, compressed (issue 5).
 const LIMIT_BYTES: u64 = 1_000_000;
 
-#[derive(Args)]
+#[derive(Args, Default)]
+// `serve` takes these too, beside its own of the same name.
+#[group(id = "build")]
 pub(crate) struct Arguments {
     /// Leave out wasm-opt: builds faster, a quarter larger.
     #[arg(long)]
