@@ -7,6 +7,7 @@ mod common;
 use std::rc::Rc;
 
 use common::{check_consistent, compare};
+use epipole_formats::depth::attach_depths;
 use epipole_formats::{ReadOptions, read_database, read_model};
 use epipole_mapper::{Event, Intrinsics, Observer, Options, Outcome, Stage, reconstruct_blocking};
 use epipole_optimize::Engine;
@@ -83,6 +84,34 @@ fn real_scenes_are_as_accurate_as_on_the_cpu() {
         assert!((cpu - gpu).abs() <= 0.3, "{scene}: {cpu} {gpu}");
         // Single precision leaves its mark: the device did compute.
         assert_ne!(on_cpu.reconstructions[0].points[0].position, on_gpu.reconstructions[0].points[0].position);
+    }
+}
+
+/// Pins in positioning, rows in bundle adjustment, the maps judged against the reconstruction in between: all on the device.
+#[test]
+fn depth_maps_make_a_scene_as_metric_as_on_the_cpu() {
+    let Some(device) = device() else { return };
+    let mut engine = Engine::Gpu(device);
+    let folder = fixtures::folder().join("orbit");
+    let truth: Reconstruction = read_model(&folder.join("truth")).expect("the truth").value;
+    for is_affine in [false, true] {
+        let mut options = Options::default();
+        options.metric.affine = is_affine;
+        let mut graph = graph_of(&folder.join("database.db"));
+        attach_depths(&mut graph, &folder.join("depth"), None, &options.depth, &mut |_, _| true).expect("depth maps");
+        let mut watch = Watch::default();
+        let on_gpu = reconstruct(&graph, &options, &mut engine, &mut watch);
+        assert!(watch.warnings.is_empty() && watch.losses.is_empty(), "{:?} {:?}", watch.warnings, watch.losses);
+        let on_cpu = reconstruct(&graph, &options, &mut Engine::Cpu, &mut watch);
+        let (cpu, gpu) = (&on_cpu.reconstructions[0], &on_gpu.reconstructions[0]);
+        assert_ne!(cpu.points[0].position, gpu.points[0].position, "the device did compute");
+        let scale_error = |model| compare(model, &truth).scale_error.expect("enough images");
+        let apart = compare(gpu, cpu);
+        let rigid = apart.ate_rigid.expect("enough images").rmse / apart.reference_extent;
+        println!("scale {:+.4} % on the CPU, {:+.4} % on the GPU", 100.0 * scale_error(cpu), 100.0 * scale_error(gpu));
+        println!("centres apart by {rigid:.1e} of the extent");
+        assert!(on_gpu.report.components[0].metric.is_some() && on_cpu.report.components[0].metric.is_some());
+        assert!((scale_error(cpu) - scale_error(gpu)).abs() < 1e-4 && rigid < 1e-4);
     }
 }
 

@@ -142,6 +142,7 @@ fn reaches_the_optimum_of_f64_for_every_model_loss_and_way_of_sharing() {
         (CameraModel::Pinhole, vec![900.0, 880.0, 500.0, 500.0], false, vec![0, 1], 12, Loss::Huber(1.0)),
         (CameraModel::SimpleRadial, vec![900.0, 500.0, 500.0, 0.05], true, vec![0, 3], 40, Loss::Cauchy(1.0)),
         (CameraModel::Radial, vec![900.0, 500.0, 500.0, 0.05, -0.02], false, vec![], 12, Loss::Squared),
+        (CameraModel::Radial, vec![900.0, 500.0, 500.0, 0.05, -0.02], true, vec![0], 12, Loss::GemanMcClure(20.0)),
         (
             CameraModel::OpenCv,
             vec![900.0, 880.0, 500.0, 500.0, 0.05, -0.02, 1e-3, -2e-3],

@@ -124,7 +124,7 @@ impl GpuSystem<'_> {
         Ok(())
     }
 
-    fn prepare(&mut self, tau: f32, refresh_flags: u32) {
+    pub(super) fn prepare(&mut self, tau: f32, refresh_flags: u32) {
         let params = &mut self.resident.params;
         (params.tau, params.refresh_flags) = (tau, refresh_flags);
         params.revive_all = self.membership.progress.is_time_for_all();

@@ -1,6 +1,6 @@
 //! Twins of `sight.wgsl` and `cost.wgsl`, and of the kernels that decide what counts: `refresh` and `trial`.
 
-use super::num::{Num, add, dot, sub, zero};
+use super::num::{Num, Vec3, add, dot, sub, zero};
 use super::observation::{Errors, rotate};
 use super::state::{Point, State};
 use crate::active::{LEAST_SQUARE, RETURN_SHARE};
@@ -29,9 +29,14 @@ impl<N: Num> State<N> {
 
     /// Errors of an observation with its point anywhere; `None` where there is no valid projection.
     pub(super) fn errors(&self, o: usize, point: &Point<N>) -> Option<Errors<N>> {
+        let view = &self.views[self.image(o)];
+        self.errors_at(o, rotate(view, self.ray(point, view)))
+    }
+
+    /// The same with its point anywhere in the camera's frame.
+    pub(super) fn errors_at(&self, o: usize, q: Vec3<N>) -> Option<Errors<N>> {
         let image = self.image(o);
         let view = &self.views[image];
-        let q = rotate(view, self.ray(point, view));
         let [x, y] = self.project_residual(view.camera, q, self.pixels[o])?;
         let measured = self.measured[o];
         let has_depth = measured.weight.value() > 0.0;

@@ -60,6 +60,7 @@ pub(super) struct State<N> {
     pub(super) activation: u32,
     pub(super) tau: N,
     pub(super) refresh_flags: u32,
+    pub(super) revive_all: bool,
     /// By image: least depth; left, top, right, bottom, px.
     pub(super) limits: Vec<[N; 5]>,
     pub(super) images: usize,
@@ -127,6 +128,7 @@ impl<N: Num> State<N> {
             activation: params.activation,
             tau: N::of(params.tau),
             refresh_flags: params.refresh_flags,
+            revive_all: params.revive_all,
             limits: limits.chunks_exact(16).map(|w| std::array::from_fn(|k| real(w[k]))).collect(),
             images,
             cameras,

@@ -2,6 +2,7 @@
 
 use epipole_geometry::camera::CameraModel;
 use glam::{DVec2, DVec3};
+use pollster::block_on;
 
 use super::bench::Bench;
 use super::check_linear::{check_linearization, check_preconditioner};
@@ -11,6 +12,7 @@ use crate::bundle::{Options, ParamPrior, PoseFreedom, Problem};
 use crate::common_for_tests as common;
 use crate::gpu::Device;
 use crate::gpu::tests::device;
+use crate::lm::System;
 use crate::loss::Loss;
 
 pub(super) fn check(device: &Device, problem: &Problem) {
@@ -68,6 +70,40 @@ fn kernels_agree_with_their_twins_on_mixed_cameras() {
     common::perturb(&mut problem, 0.3, 0.02, 3);
     problem.loss = Loss::Huber(1.0);
     check(&device, &problem);
+}
+
+#[test]
+fn kernels_agree_with_their_twins_under_a_bounded_loss() {
+    let Some(device) = device() else { return };
+    let mut problem = common::ring(&common::Scene::default());
+    common::perturb(&mut problem, 0.3, 0.02, 3);
+    // From far inside the bound to far beyond it.
+    problem.observation_px.iter_mut().step_by(9).for_each(|px| px.x += 200.0);
+    for scale in [0.5, 8.0, 1e3] {
+        problem.loss = Loss::GemanMcClure(scale);
+        check(&device, &problem);
+    }
+}
+
+/// One workgroup takes all images, however many: 4 200 with a camera of their own, and 4 200 that share one.
+#[test]
+fn pcg_agrees_with_its_twins_on_thousands_of_images() {
+    let Some(device) = device() else { return };
+    for shared in [false, true] {
+        let scene =
+            common::Scene { images: 4200, points: 6000, track: 4, band: 30, shared, ..common::Scene::default() };
+        let mut problem = common::ring(&scene);
+        common::perturb(&mut problem, 0.1, 0.01, 3);
+        let mut system = GpuSystem::new(&device, &problem, &Options::default()).expect("a good problem");
+        block_on(async {
+            system.refresh().await;
+            system.linearize().await;
+            system.queue_start(1e-3).await.expect("a live device");
+        });
+        let bench = Bench { system };
+        assert!(bench.units() > 4096);
+        check_pcg(&bench);
+    }
 }
 
 #[test]
