@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::extraction::{clean, out_of_sight};
+use common::extraction::{assert_monotone, clean, out_of_sight};
 use common::metric::{depths, resize, scale, uneven_depths, wide};
 use common::{Scene, perturb, ring};
 use epipole_geometry::camera::CameraModel;
@@ -104,6 +104,7 @@ fn points_out_of_sight_come_back_with_their_depths() {
     let options = tight(Activation::DYNAMIC);
     let wanted = bundle::solve(&mut optimum, &tight(Activation::ValidAtStart), &mut ()).expect("a good problem");
     let found = on_gpu(&device, &mut start, &options);
+    assert_monotone(&found, 1e-6);
     assert!((found.final_cost / wanted.final_cost - 1.0).abs() < 1e-4, "{found:?} {wanted:?}");
     assert_eq!(found.active, start.observation_px.len());
 }

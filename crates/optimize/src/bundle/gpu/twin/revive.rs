@@ -1,5 +1,7 @@
 //! Twin of `revive.wgsl`.
 
+use std::f32::consts::{PI, TAU};
+
 use epipole_geometry::camera::CameraFamily;
 
 use super::num::{Num, Vec3, add, cross, dot, scale, sub, zero};
@@ -66,7 +68,7 @@ impl<N: Num> State<N> {
         match self.models[camera].family() {
             CameraFamily::Spherical => {
                 let turn = [px[0] / c[0] - N::of(0.5), px[1] / c[1] - N::of(0.5)];
-                let (x, y) = (turn[0] * N::of(6.283_185_5), turn[1] * N::of(3.141_592_7));
+                let (x, y) = (turn[0] * N::of(TAU), turn[1] * N::of(PI));
                 [x.sin() * y.cos(), y.sin(), x.cos() * y.cos()]
             }
             CameraFamily::Fisheye => {
