@@ -1,6 +1,6 @@
 //! What the pipeline tells the outside while it runs: one enum for the command line, the worker and the tests.
 
-use epipole_optimize::lm::Breath;
+use epipole_optimize::lm::{Breath, Places};
 use serde::Serialize;
 
 use crate::component::Component;
@@ -121,6 +121,15 @@ pub trait Observer {
 
     /// The component at hand after a solve or a pass, to be drawn. `complete`: it will not change any more.
     fn snapshot(&mut self, _component: &Component, _complete: bool) {}
+
+    /// Asked between two snapshots: whether [`Self::preview`] should be called.
+    fn wants_preview(&self) -> bool {
+        false
+    }
+
+    /// A solve under way: the component as the solve found it, and where its images and points have got to (indices into
+    /// the component's reconstruction). To be drawn; the component itself changes when the solve is over.
+    fn preview(&mut self, _component: &Component, _places: &Places) {}
 
     /// Asked between units of work; what it gives is awaited. In a browser tab it lets messages in.
     fn breathe(&mut self) -> Option<Breath> {

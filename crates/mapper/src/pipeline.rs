@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use epipole_optimize::Engine;
 use epipole_optimize::executor::block_on;
-use epipole_optimize::lm::Breath;
+use epipole_optimize::lm::{Breath, Places};
 use epipole_scene::statistics::Statistics;
 use epipole_scene::{Reconstruction, ViewGraph};
 
@@ -367,6 +367,14 @@ impl Observer for Recorder<'_> {
 
     fn snapshot(&mut self, component: &Component, complete: bool) {
         self.inner.snapshot(component, complete);
+    }
+
+    fn wants_preview(&self) -> bool {
+        self.inner.wants_preview()
+    }
+
+    fn preview(&mut self, component: &Component, places: &Places) {
+        self.inner.preview(component, places);
     }
 
     fn breathe(&mut self) -> Option<Breath> {

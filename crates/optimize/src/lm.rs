@@ -45,6 +45,19 @@ pub trait System {
     async fn accept(&mut self);
     /// Forgets the tried state.
     async fn reject(&mut self);
+    /// Where everything is at the accepted state; `None` where nobody fetches it from its device.
+    async fn places(&mut self) -> Option<Places> {
+        None
+    }
+}
+
+/// Positions in the world at some moment of a solve, by index into the problem's arrays: to be drawn, not to be relied on.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Places {
+    /// Camera centres by image.
+    pub centers: Vec<(u32, glam::DVec3)>,
+    /// Points.
+    pub points: Vec<(u32, glam::DVec3)>,
 }
 
 /// When to stop, and how to damp.
@@ -151,6 +164,12 @@ pub type Breath = std::pin::Pin<Box<dyn Future<Output = ()>>>;
 pub trait Observer {
     /// Called after every iteration.
     fn iteration(&mut self, _record: &IterationRecord) {}
+    /// Asked after every accepted step: whether [`Self::places`] should be called.
+    fn wants_places(&self) -> bool {
+        false
+    }
+    /// Where everything is after a step.
+    fn places(&mut self, _places: &Places) {}
     /// Called where a solve leaves the place it was meant for.
     fn notice(&mut self, _notice: &Notice) {}
     /// Asked before every iteration.
@@ -179,6 +198,14 @@ pub(crate) struct Blocking<'a>(pub(crate) &'a mut dyn Observer);
 impl Observer for Blocking<'_> {
     fn iteration(&mut self, record: &IterationRecord) {
         self.0.iteration(record);
+    }
+
+    fn wants_places(&self) -> bool {
+        self.0.wants_places()
+    }
+
+    fn places(&mut self, places: &Places) {
+        self.0.places(places);
     }
 
     fn notice(&mut self, notice: &Notice) {
@@ -292,6 +319,12 @@ pub async fn minimize<S: System>(system: &mut S, options: &LmOptions, observer: 
         }
         report.history.push(record);
         observer.iteration(&record);
+        if record.accepted
+            && observer.wants_places()
+            && let Some(places) = system.places().await
+        {
+            observer.places(&places);
+        }
         breath(observer).await;
         if let Some(termination) = end {
             report.termination = termination;

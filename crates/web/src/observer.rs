@@ -1,7 +1,7 @@
 //! Passes the run's events on to the page, and lets the page in between iterations.
 
 use epipole_mapper::{Component, Event, Observer};
-use epipole_optimize::lm::Breath;
+use epipole_optimize::lm::{Breath, Places};
 use js_sys::{Function, Promise};
 use wasm_bindgen::{JsCast, JsValue};
 use wasm_bindgen_futures::JsFuture;
@@ -92,6 +92,19 @@ impl Observer for TabObserver {
         }
         if complete {
             self.finished = arrays;
+        }
+    }
+
+    fn wants_preview(&self) -> bool {
+        now() - self.last_snapshot >= SNAPSHOT_SECONDS
+    }
+
+    fn preview(&mut self, component: &Component, places: &Places) {
+        self.last_snapshot = now();
+        let mut arrays = self.finished.clone();
+        arrays.push_preview(self.component, &component.reconstruction, |k| component.graph_image[k], places);
+        if let Ok(value) = arrays.to_js(false) {
+            self.send("snapshot", &value);
         }
     }
 

@@ -1,8 +1,9 @@
 //! A scene as flat arrays, to be drawn: `Snapshot` of `web/engine/protocol.js`.
 
 use epipole_geometry::camera::Camera;
-use epipole_scene::Reconstruction;
-use glam::DMat3;
+use epipole_optimize::lm::Places;
+use epipole_scene::{Point, Reconstruction};
+use glam::{DMat3, DVec3};
 use js_sys::{Float32Array, Object, Reflect, Uint8Array, Uint16Array, Uint32Array};
 use wasm_bindgen::JsValue;
 
@@ -25,12 +26,34 @@ pub(crate) struct Arrays {
 const UNCOLORED: [u8; 3] = [190, 196, 206];
 
 impl Arrays {
+    /// Appends a component whose positions a solve is just changing. Errors are unknown: there is no time for them.
+    pub(crate) fn push_preview(
+        &mut self,
+        number: usize,
+        reconstruction: &Reconstruction,
+        image_of: impl Fn(usize) -> usize,
+        places: &Places,
+    ) {
+        let (first_point, first_camera) = (self.tracks.len(), self.camera_image.len());
+        self.append(number, reconstruction, image_of, |_| -1.0);
+        let put = |at: &mut [f32], position: DVec3| at.copy_from_slice(&position.as_vec3().to_array());
+        for &(point, position) in &places.points {
+            let at = 3 * (first_point + point as usize);
+            put(&mut self.positions[at..at + 3], position);
+        }
+        for &(image, center) in &places.centers {
+            let at = 12 * (first_camera + image as usize);
+            for (row, coordinate) in center.to_array().into_iter().enumerate() {
+                self.cameras[at + 4 * row + 3] = coordinate as f32;
+            }
+        }
+        self.camera_errors.resize(self.camera_image.len(), -1.0);
+    }
+
     /// Appends a component; `image_of` gives each of its images its place among all.
     pub(crate) fn push(&mut self, number: usize, reconstruction: &Reconstruction, image_of: impl Fn(usize) -> usize) {
-        let number = number.min(usize::from(u16::MAX)) as u16;
-        let colored = reconstruction.points.iter().any(|point| point.rgb != [0; 3]);
         let mut sums = vec![(0.0, 0u32); reconstruction.images.len()];
-        for point in &reconstruction.points {
+        self.append(number, reconstruction, image_of, |point| {
             let mut sum = 0.0;
             for &observation in &point.observations {
                 let error = reconstruction.reprojection_error_px(point, observation);
@@ -41,10 +64,25 @@ impl Arrays {
                     *image = (image.0 + error, image.1 + 1);
                 }
             }
-            let error = if point.observations.is_empty() { -1.0 } else { sum / point.observations.len() as f64 };
+            if point.observations.is_empty() { -1.0 } else { (sum / point.observations.len() as f64) as f32 }
+        });
+        let mean = |(sum, count): (f64, u32)| if count == 0 { -1.0 } else { (sum / f64::from(count)) as f32 };
+        self.camera_errors.extend(sums.into_iter().map(mean));
+    }
+
+    fn append(
+        &mut self,
+        number: usize,
+        reconstruction: &Reconstruction,
+        image_of: impl Fn(usize) -> usize,
+        mut error_px: impl FnMut(&Point) -> f32,
+    ) {
+        let number = number.min(usize::from(u16::MAX)) as u16;
+        let colored = reconstruction.points.iter().any(|point| point.rgb != [0; 3]);
+        for point in &reconstruction.points {
             self.positions.extend(point.position.as_vec3().to_array());
             self.colors.extend(if colored { point.rgb } else { UNCOLORED });
-            self.errors.push(error as f32);
+            self.errors.push(error_px(point));
             self.tracks.push(point.observations.len().min(usize::from(u16::MAX)) as u16);
             self.point_component.push(number);
         }
@@ -58,8 +96,6 @@ impl Arrays {
             self.camera_shape.extend(shape(&reconstruction.cameras[image.camera]));
             self.camera_image.push(image_of(k) as u32);
             self.camera_component.push(number);
-            let (sum, count) = sums[k];
-            self.camera_errors.push(if count == 0 { -1.0 } else { (sum / f64::from(count)) as f32 });
         }
     }
 

@@ -169,14 +169,15 @@ pub async fn run(
     pins.put_into(&mut problem);
     let mut solver = positioning::Options { huber: options.huber, ..positioning::Options::default() };
     solver.lm.relative_decrease_tolerance = options.relative_decrease_tolerance;
-    let mut forward = Forward { stage: Stage::Position, observer };
     component.reconstruction.points = points;
+    let mut forward = Forward { stage: Stage::Position, component, points: None, observer };
     let mut report = engine.position(&mut problem, &solver, &mut forward).await?;
     place(component, &problem);
     let mut doubt = component.metric.begin(&mut component.reconstruction);
     if doubt.is_some() && problem.pinned_scale.is_some() {
         // Depths that contradict the rays have bent them: once more without. What is right about them shows then.
         (problem.pinned_scale, problem.pin_sigma) = (None, None);
+        let mut forward = Forward { stage: Stage::Position, component, points: None, observer };
         report = engine.position(&mut problem, &solver, &mut forward).await?;
         place(component, &problem);
         doubt = component.metric.begin(&mut component.reconstruction);

@@ -6,7 +6,7 @@ use epipole_geometry::camera::{Camera, MAX_PARAMS};
 use epipole_optimize::Engine;
 use epipole_optimize::bundle::{self, ParamPrior, PoseFreedom};
 use epipole_optimize::engine::Notice;
-use epipole_optimize::lm::{Breath, IterationRecord, LmReport};
+use epipole_optimize::lm::{Breath, IterationRecord, LmReport, Places};
 use epipole_optimize::loss::Loss;
 use epipole_scene::filter;
 use serde::{Deserialize, Serialize};
@@ -105,7 +105,7 @@ pub async fn adjust(
     observer: &mut dyn Observer,
 ) -> Result<LmReport, MapperError> {
     component.metric.refit(&mut component.reconstruction);
-    let reconstruction = &mut component.reconstruction;
+    let reconstruction = &component.reconstruction;
     let mut problem = bundle::Problem {
         cam_from_world: reconstruction.images.iter().map(|i| i.cam_from_world).collect(),
         image_camera: reconstruction.images.iter().map(|i| i.camera as u32).collect(),
@@ -145,8 +145,9 @@ pub async fn adjust(
     // A second small step confirms convergence; before another filter or another round there is nothing to confirm.
     let is_final = adjustment.relative_decrease_tolerance <= options.final_relative_decrease_tolerance;
     lm_options.lm.small_decreases = if is_final { 2 } else { 1 };
-    let mut forward = Forward { stage: adjustment.stage, observer };
+    let mut forward = Forward { stage: adjustment.stage, component, points: Some(&adjusted), observer };
     let report = engine.adjust(&mut problem, &lm_options, &mut forward).await?;
+    let reconstruction = &mut component.reconstruction;
     for (image, pose) in reconstruction.images.iter_mut().zip(&problem.cam_from_world) {
         image.cam_from_world = *pose;
     }
@@ -158,9 +159,12 @@ pub async fn adjust(
     Ok(report)
 }
 
-/// Passes iterations and notices on as events.
+/// Passes iterations and notices on as events, and positions as previews of a component.
 pub(crate) struct Forward<'a> {
     pub(crate) stage: Stage,
+    pub(crate) component: &'a Component,
+    /// For every point of the problem its index in the component; `None`: the same.
+    pub(crate) points: Option<&'a [usize]>,
     pub(crate) observer: &'a mut dyn Observer,
 }
 
@@ -184,6 +188,16 @@ impl epipole_optimize::lm::Observer for Forward<'_> {
             }
             Notice::OnCpu { .. } => Event::Warning { message },
         });
+    }
+
+    fn wants_places(&self) -> bool {
+        self.observer.wants_preview()
+    }
+
+    fn places(&mut self, places: &Places) {
+        let Some(index) = self.points else { return self.observer.preview(self.component, places) };
+        let points = places.points.iter().map(|&(p, position)| (index[p as usize] as u32, position));
+        self.observer.preview(self.component, &Places { centers: places.centers.clone(), points: points.collect() });
     }
 
     fn should_stop(&self) -> bool {

@@ -5,7 +5,7 @@ use std::rc::Rc;
 use super::Notice;
 use crate::error::OptimizeError;
 use crate::gpu::{Device, GpuError, Limits};
-use crate::lm::{Breath, IterationRecord, LmOptions, LmReport, Observer};
+use crate::lm::{Breath, IterationRecord, LmOptions, LmReport, Observer, Places};
 use crate::{bundle, positioning};
 
 /// Below this the processor is done before a device has answered a few dozen times.
@@ -178,6 +178,14 @@ struct Later<'a> {
 impl Observer for Later<'_> {
     fn iteration(&mut self, record: &IterationRecord) {
         self.observer.iteration(&IterationRecord { iteration: self.done + record.iteration, ..*record });
+    }
+
+    fn wants_places(&self) -> bool {
+        self.observer.wants_places()
+    }
+
+    fn places(&mut self, places: &Places) {
+        self.observer.places(places);
     }
 
     fn notice(&mut self, notice: &Notice) {

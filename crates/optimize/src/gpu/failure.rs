@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use super::error::GpuError;
 use crate::engine::Notice;
-use crate::lm::{Breath, IterationRecord, Observer};
+use crate::lm::{Breath, IterationRecord, Observer, Places};
 
 /// The first failure, shared by a system and the observer that stops its loop.
 #[derive(Clone, Debug, Default)]
@@ -32,6 +32,14 @@ pub(crate) struct Guard<'a> {
 impl Observer for Guard<'_> {
     fn iteration(&mut self, record: &IterationRecord) {
         self.inner.iteration(record);
+    }
+
+    fn wants_places(&self) -> bool {
+        self.inner.wants_places()
+    }
+
+    fn places(&mut self, places: &Places) {
+        self.inner.places(places);
     }
 
     fn notice(&mut self, notice: &Notice) {

@@ -22,7 +22,7 @@ use crate::bundle::options::Options;
 use crate::bundle::problem::{ParamPrior, Problem};
 use crate::error::OptimizeError;
 use crate::extraction::Progress;
-use crate::lm::{Evaluation, Step, System, Trial};
+use crate::lm::{Evaluation, Places, Step, System, Trial};
 
 /// Accepted steps between two evaluations of the residuals from scratch, where they are carried as differences
 /// (source: `solver.md` §5.5).
@@ -266,5 +266,13 @@ impl<T: Real, const ROWS: usize> System for CpuSystem<T, ROWS> {
             self.radial_floor = 1.0;
             self.linearize().await;
         }
+    }
+
+    async fn places(&mut self) -> Option<Places> {
+        let points = 0..self.points.offset.len();
+        Some(Places {
+            centers: (0..).zip(self.cameras.center.iter().copied()).collect(),
+            points: (0..).zip(points.map(|p| self.points.position(p, &self.lattice))).collect(),
+        })
     }
 }

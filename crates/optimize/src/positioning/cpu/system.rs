@@ -13,7 +13,7 @@ use crate::positioning::layout::{Layout, Rays};
 use crate::positioning::normal::{self, Normal, Shape};
 use crate::positioning::options::Options;
 use crate::positioning::triangle::Triangle;
-use crate::positioning::vec3::{Vec3, add, dot, scale, sub, zero};
+use crate::positioning::vec3::{Vec3, add, dot, scale, sub, to_dvec3, zero};
 
 /// Centres and points as unknowns, every free scale re-solved exactly at every state (`reference/solver.md` §3.2).
 ///
@@ -134,6 +134,16 @@ impl<T: Real> lm::System for System<'_, T> {
 
     async fn reject(&mut self) {
         self.step = None;
+    }
+
+    async fn places(&mut self) -> Option<lm::Places> {
+        let list = |index: &[u32], positions: &[Vec3<T>]| {
+            index.iter().copied().zip(positions.iter().map(|&p| to_dvec3(p))).collect()
+        };
+        Some(lm::Places {
+            centers: list(&self.layout.image_of_camera, &self.accepted.centers),
+            points: list(&self.layout.source_point, &self.accepted.points),
+        })
     }
 }
 
