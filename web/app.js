@@ -35,7 +35,7 @@ const run = runPanel(byId("run"), store, engine, {
   pickFiles, solve: (choice) => session.solve(choice), stop: () => session.stop(), cancel: () => session.cancel(), pause: () => session.togglePause(), problem: (failure) => session.problem(failure),
 });
 const session = new Session(store, engine, pictures, {
-  reading: view.progress, draw: view.show, began: run.begin, ended: run.end, say: run.journal.add, picturesChanged: inputs.picturesChanged,
+  reading: view.progress, draw: view.show, began: run.begin, ended: run.end, say: run.journal.add, picturesChanged: inputs.picturesChanged, settings: run.useSettings,
   cleared: () => {
     view.clear();
     run.clear();

@@ -20,7 +20,7 @@ export class Session {
    * @param {import("./inputs/pictures.js").Pictures} pictures
    * @param {{ reading: (text: string, done?: number, total?: number) => void, draw: (snapshot: Snapshot) => void, cleared: () => void,
    *   began: () => void, ended: (text: string, complete: boolean) => void, say: (text: string, kind?: "plain"|"fair"|"bad") => void,
-   *   picturesChanged: () => void }} on
+   *   picturesChanged: () => void, settings: (settings: Record<string, any>) => void }} on
    */
   constructor(store, engine, pictures, on) {
     this.store = store;
@@ -96,7 +96,9 @@ export class Session {
       if (sorted.open.length > 0) await this.replace(sorted.open, stale);
       else if (!this.store.state.opened) this.store.set({ phase: "empty" });
       if (stale()) return;
+      if (sorted.settings) this.on.settings(JSON.parse(await sorted.settings.file.text()));
       if (sorted.pictures.length + sorted.depths.length > 0) await this.attach(sorted.pictures, sorted.depths);
+      else if (sorted.settings) return;
       else if (sorted.open.length === 0 && sorted.refused.length === 0) {
         this.problem({ file: named, message: "there is no database, model or photograph in it", hint: "drop a database.db, or a folder that holds one" });
       }
@@ -152,7 +154,15 @@ export class Session {
       else await this.sendPictures();
       if (mine !== this.scene) return;
     }
-    if (depths.length > 0) this.problem({ file: depths[0].path, message: "depth maps are not used in the tab yet", hint: "the command line takes them: epipole reconstruct --depth-dir" });
+    if (depths.length > 0) {
+      if (opened.kind === "model") this.problem({ file: depths[0].path, message: "depth maps take part in a reconstruction, and this is a finished model", hint: "drop its database.db with them" });
+      else {
+        await this.engine.ask({ type: "depths", entries: depths });
+        if (mine !== this.scene) return;
+        this.store.set({ depths: this.store.state.depths + depths.filter(({ path }) => !/\.json$/i.test(path)).length });
+        this.on.say(`${plural(depths.length, "file")} of depth; the next run uses ${depths.length === 1 ? "it" : "them"}`);
+      }
+    }
   }
 
   async sendPictures() {

@@ -16,6 +16,7 @@
  * @property {number[]} seenBy images that see the selected point
  * @property {Set<number>} placed images that have a camera so far
  * @property {number} pictures photographs that are at hand
+ * @property {number} depths depth maps that are at hand
  * @property {number|null} component that is shown; null: all
  * @property {{maxErrorPx: number, minTrack: number}} filter of view and export alike
  * @property {string} imageFilter which thumbnails: all, placed, weak, missing
@@ -29,6 +30,7 @@ const scene = () => ({
   /** @type {number[]} */ seenBy: [],
   /** @type {Set<number>} */ placed: new Set(),
   pictures: 0,
+  depths: 0,
   /** @type {number|null} */ component: null,
   filter: { maxErrorPx: Infinity, minTrack: 2 },
   imageFilter: "all",

@@ -57,6 +57,7 @@
  * Commands, answered under their `id` with `{ id, value }` or `{ id, failure }`.
  * @typedef {{ type: "open", entries: Entry[] }
  *   | { type: "pictures", entries: Entry[] }
+ *   | { type: "depths", entries: Entry[] }
  *   | { type: "solve", settings: Record<string, any>, backend: "auto"|"gpu"|"cpu" }
  *   | { type: "keypoints", image: number }
  *   | { type: "matches", image: number, other: number }

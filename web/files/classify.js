@@ -22,9 +22,26 @@ export async function classify({ path, file }) {
   if (png && head[24] === 16 && (head[25] === 0 || /depth/i.test(path))) return "depth";
   if (/depth/i.test(path) && (/\.(npy|npz|exr|tiff?)$/i.test(name) || png)) return "depth";
   if (png || begins(head, [0xff, 0xd8, 0xff]) || (text.startsWith("RIFF") && text.slice(8, 12) === "WEBP")) return "image";
-  if (/\.json$/i.test(name) && /^\s*\{/.test(text)) return "settings";
+  if (name === "depth.json") return "depth";
+  if (/\.json$/i.test(name) && /^\s*\{/.test(text)) return (await isSettings(file)) ? "settings" : "text";
   if (/^\s*<(!doctype|html)/i.test(text)) return "html";
   return head.every((byte) => byte === 9 || byte === 10 || byte === 13 || (byte >= 32 && byte < 127)) ? "text" : "unknown";
+}
+
+/** Sections of a settings file (`Options` of crates/mapper, and `preset`). */
+const SECTIONS = new Set(["preset", "seed", "intrinsics", "matches", "backend", "depth", "metric", "min_component_images", "calibrate", "relative_pose", "rotation", "tracks", "position", "refine", "retriangulate", "finish"]);
+/** Settings are written by hand: larger files are something else. */
+const MAX_SETTINGS_BYTES = 100_000;
+
+/** @param {File} file */
+async function isSettings(file) {
+  if (file.size > MAX_SETTINGS_BYTES) return false;
+  try {
+    const names = Object.keys(JSON.parse(await file.text()));
+    return names.length > 0 && names.every((name) => SECTIONS.has(name));
+  } catch {
+    return false;
+  }
 }
 
 /** What to say of a file that is of no use. @param {string} path @param {Kind} kind @returns {import("../engine/protocol.js").Failure} */
@@ -33,7 +50,7 @@ export function refusal(path, kind) {
   const said = {
     empty: ["the file is empty", "copy it again"],
     html: ["it is a web page, not data", "the download probably asked for a login; open the address in a tab and save the file itself"],
-    text: ["it is a text that is no COLMAP model", "drop the database.db that COLMAP wrote, or cameras.txt, images.txt and points3D.txt together"],
+    text: ["it is a text, but no COLMAP model and no settings", "drop the database.db that COLMAP wrote, or cameras.txt, images.txt and points3D.txt together"],
     unknown: ["it is no COLMAP database, model, image or depth map", "drop the database.db that COLMAP wrote (colmap feature_extractor and a matcher)"],
   };
   const [message, hint] = said[kind] ?? said.unknown;

@@ -100,6 +100,13 @@ export function runPanel(panel, store, engine, on) {
   actions();
   return {
     journal, solve, openSettings,
+    /** @param {Record<string, any>} settings from a file */
+    useSettings(settings) {
+      const { backend = choice.backend, ...rest } = settings;
+      choice = { settings: rest, backend };
+      journal.add(`settings taken over: ${describe(choice)}`);
+      actions();
+    },
     redraw: charts.redraw,
     /** @param {import("../engine/protocol.js").MapperEvent} event */
     event(event) {

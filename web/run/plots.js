@@ -148,7 +148,9 @@ export function plots(store, select) {
       if (histogram) {
         errors.note.textContent = `of points, median ${short(histogram.median)} px`;
         errors.feed([histogram.bins, histogram.counts]);
-      } else errors.feed([]);
+      }
+      // In the middle of a step nobody knows errors: what was known last stands.
+      if (!cameraErrors.some((error) => error >= 0)) return;
       values = new Array(store.state.opened?.images.length ?? 0).fill(null);
       cameraImage.forEach((image, k) => (values[image] = cameraErrors[k] >= 0 ? cameraErrors[k] : null));
       perImage();

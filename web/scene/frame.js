@@ -1,6 +1,7 @@
 // Where a scene lies, which way is up, and from where it is first looked at: from its cameras and points.
 
-import { across, cross, dot, scale, sub, unit } from "./linear.js";
+import { focusOf } from "./focus.js";
+import { across, cross, dot, quantile, scale, sub, unit } from "./linear.js";
 
 /** @typedef {import("./linear.js").Vec3} Vec3 */
 /** @typedef {import("../engine/protocol.js").Snapshot} Snapshot */
@@ -11,12 +12,6 @@ const SAMPLE = 8000;
 const MEAN_UP_WEIGHT = 0.05;
 /** The first view looks down by this much, rad. */
 const TILT = 0.42;
-
-/** @param {ArrayLike<number>} values @param {number} share */
-function quantile(values, share) {
-  const sorted = Float64Array.from(values).sort();
-  return sorted[Math.min(sorted.length - 1, Math.floor(share * sorted.length))] ?? 0;
-}
 
 /**
  * Up: people hold cameras level but point them up and down, so up is what is most square to the pictures' own x axes; the mean
@@ -82,16 +77,25 @@ export function frameOf(snapshot) {
   // A little from the side as well: a wall seen square on has no depth.
   const turned = unit(sub(flat, scale(cross(flat, up), 0.3)));
   const forward = unit(sub(scale(turned, Math.cos(TILT)), scale(up, Math.sin(TILT))));
-  const points = new Float64Array(3 * sampled);
-  for (let p = 0; p < sampled; p += 1) for (const k of [0, 1, 2]) points[3 * p + k] = axes[k][p];
+  /** @type {number[]} */
+  const points = [];
+  const focus = focusOf(cameras, ahead);
+  for (let p = 0; p < sampled; p += 1) {
+    const at = /** @type {Vec3} */ ([axes[0][p], axes[1][p], axes[2][p]]);
+    // What lies behind the thing that all look at is background.
+    if (!focus || Math.hypot(...sub(at, focus.center)) < focus.radius) points.push(...at);
+  }
   const eyes = Float64Array.from({ length: 3 * numCameras }, (_, k) => cameras[12 * Math.floor(k / 3) + 4 * (k % 3) + 3]);
-  return { center, radius, up, forward, spacing: (radius / Math.sqrt(Math.max(numCameras, 1))) * 0.35, points, eyes };
+  const extent = focus ? focus.radius : radius;
+  return { center: focus?.center ?? center, radius: extent, up, forward, spacing: (extent / Math.sqrt(Math.max(numCameras, 1))) * 0.35, points: Float64Array.from(points), eyes };
 }
 
 /** Shares of points and of cameras that the first view holds: points stray, cameras seldom do. */
 const HELD = { points: 0.95, eyes: 0.98 };
+/** Room for the toolbar and for frusta, which reach beyond their cameras. */
+const MARGIN = 1.18;
 /** Cameras may push the view back by so much, no more: the scene itself comes first. */
-const MOST_FOR_CAMERAS = 3;
+const MOST_FOR_CAMERAS = 5;
 
 /**
  * How far from the centre one must stand to see nearly all of it. @param {Frame} frame @param {number} aspect @param {number} tanHalfY
@@ -105,5 +109,5 @@ export function distanceOf({ center, forward, up, points, eyes, radius }, aspect
   });
   const forPoints = Math.max(quantile(needed(points), HELD.points), 0.2 * radius);
   const forEyes = Math.min(quantile(needed(eyes), HELD.eyes), points.length > 0 ? MOST_FOR_CAMERAS * forPoints : Infinity);
-  return 1.12 * Math.max(forPoints, forEyes);
+  return MARGIN * Math.max(forPoints, forEyes);
 }

@@ -61,3 +61,9 @@ export function product(a, b) {
   }
   return out;
 }
+
+/** @param {ArrayLike<number>} values @param {number} share of them that are smaller */
+export function quantile(values, share) {
+  const sorted = Float64Array.from(values).sort();
+  return sorted[Math.min(sorted.length - 1, Math.floor(share * sorted.length))] ?? 0;
+}

@@ -36,7 +36,7 @@ export function startCards(store, on) {
   /** The focus was in a card that is gone meanwhile. */
   let cameFrom = false;
   function update() {
-    const { phase, opened, pictures, placed } = store.state;
+    const { phase, opened, pictures, depths, placed } = store.state;
     const waits = phase === "ready" && opened?.kind === "database";
     // Until the first cameras have a place, what is known of the scene is who matches whom.
     const matching = placed.size === 0 && (phase === "running" || phase === "paused");
@@ -58,7 +58,8 @@ export function startCards(store, on) {
     for (let k = 2; k < opened.pairs.length; k += 3) matches += opened.pairs[k];
     name.textContent = opened.name;
     const rows = [["images", count(opened.images.length)], ["cameras", count(opened.cameras.length)], ["pairs", count(opened.pairs.length / 3)],
-      ["verified matches", count(matches)], ["photographs", pictures > 0 ? count(pictures) : "none yet"], ["memory to solve", `about ${bytes(opened.predictedBytes)}`]];
+      ["verified matches", count(matches)], ["photographs", pictures > 0 ? count(pictures) : "none yet"],
+      ...(depths > 0 ? [["depth maps", count(depths)]] : []), ["memory to solve", `about ${bytes(opened.predictedBytes)}`]];
     facts.replaceChildren(...rows.map(([term, value]) => el("div", {}, el("dt", {}, term), el("dd", {}, value))));
     hint.textContent = pictures >= opened.images.length ? `Every photograph is here.`
       : pictures > 0 ? `${plural(opened.images.length - pictures, "photograph")} can still be dropped.`
@@ -82,7 +83,7 @@ export function startCards(store, on) {
     if (order.length > MAX_CHORDS) order = order.sort((a, b) => opened.pairs[b + 2] - opened.pairs[a + 2]).slice(0, MAX_CHORDS);
     const most = order.reduce((top, k) => Math.max(top, opened.pairs[k + 2]), 1);
     context.strokeStyle = token("--accent");
-    const fade = Math.min(1, 12 / Math.sqrt(order.length + 1));
+    const fade = Math.min(1, 30 / Math.sqrt(order.length + 1));
     for (const k of order) {
       const [from, to] = [place(opened.pairs[k]), place(opened.pairs[k + 1])];
       context.globalAlpha = (0.06 + 0.44 * Math.sqrt(opened.pairs[k + 2] / most)) * fade;
@@ -100,7 +101,7 @@ export function startCards(store, on) {
     }
   });
 
-  store.on(["phase", "opened", "pictures", "placed"], update);
+  store.on(["phase", "opened", "pictures", "depths", "placed"], update);
   new ResizeObserver(draw).observe(ring);
   update();
   return {

@@ -73,7 +73,8 @@ function paintPoints() {
   const painted = pointColors(snapshot, look.by, look.filter, look.component, look.plain);
   colors = painted.colors;
   const now = performance.now();
-  if (!snapshot.final && now - lastFigures < FIGURES_MS) return;
+  // Errors are known only between solves: such a picture is never left out.
+  if (!snapshot.final && now - lastFigures < FIGURES_MS && !snapshot.errors.some((error) => error >= 0)) return;
   lastFigures = now;
   postMessage({
     type: "shown", generation, shown: painted.shown, points: snapshot.positions.length / 3, cameras: snapshot.cameraImage.length,
