@@ -144,8 +144,8 @@ fn precondition_camera(
     }
     for (var batch = segment.start; batch < segment.end; batch += 64u) {
         let o = batch + lane;
-        var row: Row;
-        var block: Block;
+        var row = Row();
+        var block = Block();
         var e = Errors();
         if o < segment.end && by_image[o].weight != 0.0 {
             let seen = by_image[o];

@@ -40,7 +40,7 @@ fn precondition_group(
     var sums: array<f32, PER_LANE>;
     for (var batch = 0u; batch < batches; batch += 1u) {
         let p = ((g / count) * batches + batch) * 64u + lane;
-        var columns: array<vec3f, PARAMS>;
+        var columns = array<vec3f, PARAMS>();
         if p < params.points && blocks[p].norms.w == 1.0 {
             let point = points[p];
             for (var o = tracks[p]; o < tracks[track_end_at(params.points, p)]; o += 1u) {

@@ -22,7 +22,7 @@ fn row_of(point: Point, view: View, intrinsics: Intrinsics, cell: f32, weights: 
     let ray = ray_to(point, view, cell);
     let q = rotate(view, ray);
     let p = differentiate(intrinsics, q);
-    var row: Row;
+    var row = Row();
 #if depth
     let weight = weights.x;
     if weights.y != 0.0 {

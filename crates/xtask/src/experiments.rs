@@ -33,7 +33,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Error> {
         std::fs::remove_dir_all(&folder).map_err(|source| Error::Io { path: folder.clone(), source })?;
     }
     std::fs::create_dir_all(&folder).map_err(|source| Error::Io { path: folder.clone(), source })?;
-    let tests = ["--lib", "--", "--nocapture", "many_small_cameras", "incremental_residuals"];
+    let tests = ["--lib", "--", "--nocapture", "many_small_cameras", "one_shared_camera", "incremental_residuals"];
     let mut traces = cargo(&[&["test"], &package[..], &tests].concat());
     process::run(traces.env("EPIPOLE_KERNEL_TRACES", &folder), "a kernel and its twin differ")?;
     if arguments.no_browser {

@@ -93,6 +93,35 @@ fn no_kernel_tests_for_nan_by_comparison() {
     }
 }
 
+/// Lines of a shader that declare a variable in a loop and leave its value to the compiler.
+fn unwritten_in_loops(source: &str) -> Vec<&str> {
+    let (mut depth, mut loops, mut found) = (0i32, Vec::new(), Vec::new());
+    for line in source.lines() {
+        let code = line.split("//").next().unwrap_or_default().trim();
+        if !loops.is_empty() && code.starts_with("var ") && code.ends_with(';') && !code.contains('=') {
+            found.push(code);
+        }
+        if ["for ", "while ", "loop "].iter().any(|word| code.starts_with(word)) {
+            loops.push(depth);
+        }
+        depth += code.matches('{').count() as i32 - code.matches('}').count() as i32;
+        while loops.last().is_some_and(|&outside| depth <= outside) {
+            loops.pop();
+        }
+    }
+    found
+}
+
+#[test]
+fn variables_in_loops_are_written_in_every_round() {
+    // Chromium 148 leaves them what they were (docs/gpu-experiments.md).
+    for (path, source) in SOURCES {
+        assert_eq!(unwritten_in_loops(source), [""; 0], "{path}");
+    }
+    let source = "fn f() {\n var a: f32;\n for (;;) {\n  var b: f32;\n  var c = 0.0;\n }\n var d: f32;\n}";
+    assert_eq!(unwritten_in_loops(source), ["var b: f32;"]);
+}
+
 #[test]
 fn splits_cover_all_groups_within_the_limit() {
     for groups in [1, 64, 65_535, 65_536, 69_632, 1_000_003, 65_535 * 65_535] {
