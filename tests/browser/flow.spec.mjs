@@ -5,24 +5,10 @@ import { readFileSync, rmSync } from "node:fs";
 import { join } from "node:path";
 import { test } from "node:test";
 import { unpack } from "./archive.mjs";
-import { button, choose, computeOn, download, evaluate, fixtures, nativeModel, open, openScene, out, panel, phase, reconstruct, shared } from "./page.mjs";
+import { button, choose, computeOn, evaluate, exported, fixtures, nativeModel, open, openScene, out, panel, phase, reconstruct, shared } from "./page.mjs";
 
 /** AUC@1 of the page's model may differ by so much from the command line's on the same file (issue 5). */
 const AUC_TOLERANCE = 0.3;
-
-/** The page's download, unpacked. @param {import("./page.mjs").Page} page @param {string} name */
-async function exported(page, name) {
-  const folder = join(out, name);
-  rmSync(folder, { recursive: true, force: true });
-  return { folder, names: unpack(await download(page, `${name}.zip`), folder) };
-}
-
-/** The folder of a model within an export. @param {{ folder: string, names: string[] }} files */
-function modelFolder({ folder, names }) {
-  const cameras = names.find((name) => name.endsWith("cameras.bin"));
-  assert.ok(cameras, `no model in ${names.join(", ")}`);
-  return join(folder, cameras, "..");
-}
 
 /** Solves in the page and on the command line, and holds both to each other by the truth. */
 async function compare({ name, database, truth, images, gpu, limitMs }) {
@@ -36,7 +22,7 @@ async function compare({ name, database, truth, images, gpu, limitMs }) {
     const adapters = await page.evaluate(() => globalThis.watched.messages.filter((m) => m.type === "backend").map((m) => m.adapter.kind));
     assert.deepEqual(adapters, [gpu ? "software" : "none"], "computes where it was meant to");
     const files = await exported(page, `${name}-page`);
-    const [ours, theirs] = [evaluate(modelFolder(files), truth), evaluate(nativeModel(database, name), truth)];
+    const [ours, theirs] = [evaluate(files.model, truth), evaluate(nativeModel(database, name), truth)];
     assert.equal(ours.common_images, images);
     console.log(`${name}: ${ms} ms in the page, AUC@1 ${ours.auc_all.at_1.toFixed(2)}, command line ${theirs.auc_all.at_1.toFixed(2)}`);
     assert.ok(Math.abs(ours.auc_all.at_1 - theirs.auc_all.at_1) <= AUC_TOLERANCE, `${ours.auc_all.at_1} and ${theirs.auc_all.at_1}`);
@@ -66,8 +52,8 @@ test("the sample is reconstructed and downloaded in every format", { timeout: 60
       assert.ok(names.some((found) => found.endsWith(name)), `${name} is missing from ${names.join(", ")}`);
     }
     const truth = join(fixtures, "orbit/truth");
-    const text = names.find((name) => name.endsWith("cameras.txt")) ?? "";
-    for (const model of [modelFolder({ folder, names }), join(folder, text, "..")]) {
+    const [binary, text] = ["cameras.bin", "cameras.txt"].map((ending) => names.find((name) => name.endsWith(ending)) ?? "");
+    for (const model of [join(folder, binary, ".."), join(folder, text, "..")]) {
       const { auc_all: auc, common_images: common } = evaluate(model, truth);
       assert.equal(common, 18);
       assert.ok(auc.at_1 > 80, `AUC@1 ${auc.at_1}`);
@@ -97,7 +83,7 @@ test("a COLMAP model opens and goes out again as it came", { timeout: 60_000 }, 
     const truth = join(fixtures, "orbit/truth");
     await choose(page, ["cameras.txt", "images.txt", "points3D.txt"].map((name) => join(truth, name)));
     await phase(page, ["ready", "done"]);
-    const { auc_all: auc, scale_error: scale } = evaluate(modelFolder(await exported(page, "orbit-model")), truth);
+    const { auc_all: auc, scale_error: scale } = evaluate((await exported(page, "orbit-model")).model, truth);
     assert.ok(auc.at_1 > 99.99 && Math.abs(scale) < 1e-6, `${auc.at_1} ${scale}`);
     assert.deepEqual(complaints, []);
   } finally {
