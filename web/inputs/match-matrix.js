@@ -5,7 +5,7 @@ import { count, plural } from "../ui/format.js";
 
 /** @param {import("../store.js").Store} store @param {(image: number, other: number) => void} select */
 export function matchMatrix(store, select) {
-  const { node: head, note } = heading("Matches");
+  const { node: head, title, note } = heading("Matches");
   const canvas = el("canvas", { class: "matrix", role: "img" });
   const under = el("p", { class: "quiet small under", "aria-hidden": "true" }, "\u00a0");
   const node = el("div", { class: "block" }, head, canvas, under);
@@ -29,7 +29,8 @@ export function matchMatrix(store, select) {
         cells[a * size + b] = cells[b * size + a] = strength;
         most = Math.max(most, pairs[k + 2]);
       }
-      note.textContent = `${plural(pairs.length / 3, "pair")}, strongest ${count(most)}`;
+      title.textContent = opened.kind === "model" ? "Common points" : "Matches";
+      note.textContent = `${plural(pairs.length / 3, "pair")}, up to ${count(most)}`;
       canvas.setAttribute("aria-label", `Matrix of ${plural(pairs.length / 3, "matched pair")} among ${plural(images.length, "image")}; the strongest has ${count(most)} ${opened.kind === "model" ? "common points" : "verified matches"}. The same pairs are listed under every image.`);
     }
     draw();

@@ -1,5 +1,7 @@
 // Photographs by image name, decoded small and only when somebody looks.
 
+import { asStored } from "../files/stored.js";
+
 /** @typedef {import("../engine/protocol.js").Entry} Entry */
 
 const THUMBNAIL_PX = 160;
@@ -7,8 +9,6 @@ const THUMBNAIL_PX = 160;
 const AT_ONCE = 2;
 /** Thumbnails kept, some 70 kB each: the oldest go. */
 const KEPT = 500;
-/** Keypoints are measured in the pixels as they are stored, so a photograph is not turned as its EXIF says. */
-const AS_STORED = /** @type {const} */ ({ imageOrientation: "none" });
 
 export class Pictures {
   constructor() {
@@ -54,7 +54,7 @@ export class Pictures {
     if (known) return known;
     const file = this.files.get(name);
     if (!file) return Promise.resolve(null);
-    const made = this.decode(() => createImageBitmap(file, { resizeWidth: THUMBNAIL_PX, resizeQuality: "medium", ...AS_STORED }));
+    const made = this.decode(async () => createImageBitmap(await asStored(file), { resizeWidth: THUMBNAIL_PX, resizeQuality: "medium" }));
     this.thumbnails.set(name, made);
     if (this.thumbnails.size > KEPT) {
       const [oldest, bitmap] = /** @type {[string, Promise<ImageBitmap|null>]} */ (this.thumbnails.entries().next().value);
@@ -69,7 +69,7 @@ export class Pictures {
   picture(name, widthPx) {
     const file = this.files.get(name);
     if (!file) return Promise.resolve(null);
-    return this.decode(() => createImageBitmap(file, { resizeWidth: Math.round(widthPx), resizeQuality: "high", ...AS_STORED }));
+    return this.decode(async () => createImageBitmap(await asStored(file), { resizeWidth: Math.round(widthPx), resizeQuality: "high" }));
   }
 
   /**
@@ -81,7 +81,7 @@ export class Pictures {
     const file = this.files.get(name);
     if (!file) return Promise.resolve(null);
     return this.decode(async () => {
-      const whole = await createImageBitmap(file, AS_STORED);
+      const whole = await createImageBitmap(await asStored(file));
       const zoom = whole.width / (imageWidthPx || whole.width);
       try {
         return await createImageBitmap(whole, Math.round(x * zoom), Math.round(y * zoom), Math.max(1, Math.round(side * zoom)), Math.max(1, Math.round(side * zoom)));

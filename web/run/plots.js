@@ -66,7 +66,7 @@ class Plot {
 
   /** Makes the plot while there is time: the first one costs some ten milliseconds, which a solve should not see. */
   prepare() {
-    if (this.chart) return;
+    if (this.chart || (this.data[0]?.length ?? 0) > 0) return;
     const columns = this.options().series.length;
     this.data = Array.from({ length: columns }, () => []);
     this.draw();
@@ -91,7 +91,7 @@ export function plots(store, select) {
   }), "Histogram of the points' mean reprojection errors");
   const images = new Plot("Per image", "mean px, click to open", () => ({
     cursor: { y: false, points: { show: false } },
-    scales: { x: { time: false }, y: { range: (/** @type {unknown} */ _, /** @type {number} */ __, /** @type {number} */ high) => [0, high > 0 ? high * 1.05 : 1] } },
+    scales: { x: { time: false, range: (/** @type {unknown} */ _, /** @type {number} */ low, /** @type {number} */ high) => [low - 0.5, high + 0.5] }, y: { range: (/** @type {unknown} */ _, /** @type {number} */ __, /** @type {number} */ high) => [0, high > 0 ? high * 1.05 : 1] } },
     axes: [axis({ incrs: [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000] }), axis({ size: 42, space: 26 })],
     series: [{}, { label: "px", ...bars("--quiet") }, { label: "selected", ...bars("--accent") }],
     hooks: { ready: [(/** @type {uPlot} */ chart) => chart.over.addEventListener("click", () => {

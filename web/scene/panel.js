@@ -9,6 +9,9 @@ import { startCards } from "./start.js";
 import { toolbar } from "./toolbar.js";
 import { View } from "./view.js";
 
+/** A photograph in the scene is as wide as this, px. */
+const PHOTO_PX = 768;
+
 /**
  * @typedef {object} Shown
  * @property {number} shown points that pass the filter @property {number} points @property {number} cameras
@@ -91,7 +94,23 @@ export function scenePanel(panel, store, engine, pictures, on) {
   function highlight() {
     const { selection, seenBy } = store.state;
     view.send({ type: "select", image: selection.image, partner: selection.kind === "pair" ? selection.other : undefined, point: selection.kind === "point" ? selection.point : undefined, seenBy });
+    hang();
   }
+
+  /** The photograph of the selected image goes to its camera, where there is one. */
+  async function hang() {
+    const { selection, opened, placed } = store.state;
+    const { image } = selection;
+    if (image === undefined || image === hung || !opened || !placed.has(image)) return;
+    const picture = await pictures.picture(opened.images[image].name, PHOTO_PX);
+    if (!picture) return;
+    if (store.state.selection.image === image && store.state.opened === opened) {
+      hung = image;
+      view.send({ type: "photo", image, picture }, [picture]);
+    } else picture.close();
+  }
+  /** The image whose photograph the scene holds. */
+  let hung = -1;
 
   function theme() {
     const rgb = (/** @type {string} */ name) => {
@@ -106,10 +125,12 @@ export function scenePanel(panel, store, engine, pictures, on) {
   }
 
   store.on(["selection"], highlight);
+  store.on(["pictures", "placed"], hang);
   store.on(["report"], describe);
   store.on(["filter", "component"], () => look({ filter: store.state.filter, component: store.state.component }));
   store.on(["phase", "opened", "placed"], () => hide(tools.node, store.state.opened === null || !cards.node.classList.contains("hidden")));
   function clear() {
+    hung = -1;
     view.clear();
     last = null;
     describe();

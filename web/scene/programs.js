@@ -1,4 +1,4 @@
-// The little programs that draw a scene: points (and the rays of a selected one), and frusta as lines.
+// The little programs that draw a scene: points (and the rays of a selected one), frusta as lines, one photograph.
 
 export const POINTS = {
   vertex: `#version 300 es
@@ -55,6 +55,30 @@ precision highp float;
 in vec4 tint;
 out vec4 pixel;
 void main() { pixel = tint; }`,
+};
+
+/** The selected photograph on the far side of its frustum, half transparent: one compares it with what lies behind. */
+export const PHOTO = {
+  vertex: `#version 300 es
+layout(location = 0) in vec2 corner;
+uniform vec4 row_x;
+uniform vec4 row_y;
+uniform vec4 row_z;
+uniform vec4 shape;
+uniform mat4 clip_from_world;
+uniform float size;
+out vec2 at;
+void main() {
+  vec4 p = vec4(size * vec3(corner * shape.xy + shape.zw, 1.0), 1.0);
+  gl_Position = clip_from_world * vec4(dot(row_x, p), dot(row_y, p), dot(row_z, p), 1.0);
+  at = 0.5 + 0.5 * corner;
+}`,
+  fragment: `#version 300 es
+precision highp float;
+in vec2 at;
+uniform sampler2D photo;
+out vec4 pixel;
+void main() { pixel = vec4(texture(photo, at).rgb, 0.72); }`,
 };
 
 /** A frustum as line segments: four edges from the centre, the picture's border, and a tick at its upper side. */

@@ -1,6 +1,6 @@
 // Draws points and frusta with WebGL 2, which is there also where WebGPU is not.
 
-import { FRUSTUM, LINES, POINTS, link } from "./programs.js";
+import { FRUSTUM, LINES, PHOTO, POINTS, link } from "./programs.js";
 
 export class Renderer {
   /** @param {OffscreenCanvas} canvas */
@@ -16,12 +16,14 @@ export class Renderer {
     /** @type {[number, number, number]} */ this.accent = [88, 166, 255];
     this.numPoints = 0;
     this.numRayEnds = 0;
+    /** @type {{ texture: WebGLTexture, pose: Float32Array, shape: Float32Array }|null} */ this.photo = null;
     this.numCameras = 0;
     this.on = this.build();
   }
 
   /** After a lost context. */
   restore() {
+    this.photo = null;
     this.on = this.build();
   }
 
@@ -30,6 +32,7 @@ export class Renderer {
     const gl = this.gl;
     const points = link(gl, POINTS);
     const lines = link(gl, LINES);
+    const photo = link(gl, PHOTO);
     const [position, color, pose, shape, cameraColor, ray, rayColor] = [0, 1, 2, 3, 4, 5, 6].map(() => gl.createBuffer());
     const cornerBuffer = gl.createBuffer();
     /** @param {WebGLBuffer|null} buffer @param {number} location @param {number} size @param {number} type @param {boolean} normalized @param {number} stride @param {number} offset @param {number} divisor */
@@ -55,14 +58,22 @@ export class Renderer {
     for (const row of [0, 1, 2]) attribute(pose, 1 + row, 4, gl.FLOAT, false, 48, 16 * row, 1);
     attribute(shape, 4, 4, gl.FLOAT, false, 0, 0, 1);
     attribute(cameraColor, 5, 4, gl.UNSIGNED_BYTE, true, 0, 0, 1);
+    const photoArray = gl.createVertexArray();
+    gl.bindVertexArray(photoArray);
+    const quad = gl.createBuffer();
+    gl.bindBuffer(gl.ARRAY_BUFFER, quad);
+    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array([-1, -1, 1, -1, -1, 1, 1, 1]), gl.STATIC_DRAW);
+    attribute(quad, 0, 2, gl.FLOAT, false, 0, 0, 0);
     gl.bindVertexArray(null);
     gl.enable(gl.DEPTH_TEST);
+    gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
     /** @param {WebGLProgram} program @param {string[]} names */
     const uniforms = (program, names) => Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(program, name)]));
     return {
       points, lines, position, color, pose, shape, cameraColor, pointArray, lineArray, ray, rayColor, rayArray,
       pointUniforms: uniforms(points, ["clip_from_world", "size_px", "selected", "accent"]),
       lineUniforms: uniforms(lines, ["clip_from_world", "size"]),
+      photo, photoArray, photoUniforms: uniforms(photo, ["clip_from_world", "size", "row_x", "row_y", "row_z", "shape"]),
     };
   }
 
@@ -106,6 +117,21 @@ export class Renderer {
     this.upload(this.on.rayColor, Uint8Array.from({ length: 4 * this.numRayEnds }, (_, k) => (k % 4 === 3 ? 255 : rgb[k % 4])));
   }
 
+  /** @param {ImageBitmap|null} picture null: none @param {Float32Array} pose 12 numbers @param {Float32Array} shape 4 numbers */
+  setPhoto(picture, pose, shape) {
+    const gl = this.gl;
+    if (this.photo) gl.deleteTexture(this.photo.texture);
+    this.photo = null;
+    const texture = picture && gl.createTexture();
+    if (!picture || !texture) return;
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, picture);
+    gl.generateMipmap(gl.TEXTURE_2D);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
+    for (const side of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, side, gl.CLAMP_TO_EDGE);
+    this.photo = { texture, pose, shape };
+  }
+
   /** @param {Float32Array} clipFromWorld */
   draw(clipFromWorld) {
     const gl = this.gl;
@@ -135,6 +161,19 @@ export class Renderer {
       gl.uniform1f(on.lineUniforms.size, this.frustumSize);
       gl.bindVertexArray(on.lineArray);
       gl.drawArraysInstanced(gl.LINES, 0, FRUSTUM.length / 3, this.numCameras);
+    }
+    if (this.photo && this.frustumSize > 0) {
+      const { pose, shape, texture } = this.photo;
+      gl.useProgram(on.photo);
+      gl.uniformMatrix4fv(on.photoUniforms.clip_from_world, false, clipFromWorld);
+      gl.uniform1f(on.photoUniforms.size, this.frustumSize);
+      for (const [row, name] of ["row_x", "row_y", "row_z"].entries()) gl.uniform4fv(on.photoUniforms[name], pose.subarray(4 * row, 4 * row + 4));
+      gl.uniform4fv(on.photoUniforms.shape, shape);
+      gl.bindTexture(gl.TEXTURE_2D, texture);
+      gl.enable(gl.BLEND);
+      gl.bindVertexArray(on.photoArray);
+      gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
+      gl.disable(gl.BLEND);
     }
     gl.bindVertexArray(null);
   }

@@ -45,6 +45,8 @@ const look = {
 };
 /** @type {{ image: number, partner: number, point: number, seenBy: number[] }} */
 let selected = { image: -1, partner: -1, point: -1, seenBy: [] };
+/** @type {{ image: number, picture: ImageBitmap }|null} */
+let photo = null;
 /** What keys held down ask for, a second. @type {{ fly: [number, number, number], orbit: [number, number] }} */
 let drive = { fly: [0, 0, 0], orbit: [0, 0] };
 
@@ -111,6 +113,13 @@ function rays() {
   }));
 }
 
+/** The photograph of the selected camera, or none: it lies where the camera is now. */
+function hang() {
+  const k = photo && snapshot ? snapshot.cameraImage.indexOf(photo.image) : -1;
+  if (!photo || !snapshot || k < 0 || photo.image !== selected.image) renderer?.setPhoto(null, new Float32Array(), new Float32Array());
+  else renderer?.setPhoto(photo.picture, snapshot.cameras.slice(12 * k, 12 * k + 12), snapshot.cameraShape.slice(4 * k, 4 * k + 4));
+}
+
 function paintCameras() {
   if (!snapshot || !renderer) return;
   renderer.setCameraColors(cameraColors());
@@ -136,6 +145,7 @@ function show(next) {
   renderer?.setPoints(next.positions, colors);
   renderer?.setCameras(next.cameras, next.cameraShape, cameraColors());
   renderer?.setRays(rays(), look.accent);
+  hang();
   sizes();
   requestDraw();
 }
@@ -173,6 +183,9 @@ const commands = {
     renderer?.setPoints(new Float32Array(), colors);
     renderer?.setCameras(new Float32Array(), new Float32Array(), colors);
     renderer?.setRays(new Float32Array(), look.accent);
+    photo?.picture.close();
+    photo = null;
+    hang();
     if (renderer) renderer.selectedPoint = -1;
     requestDraw();
   },
@@ -193,6 +206,13 @@ const commands = {
     selected = { image: image ?? -1, partner: partner ?? -1, point: point ?? -1, seenBy: seenBy ?? [] };
     if (renderer) renderer.selectedPoint = selected.point;
     paintCameras();
+    hang();
+    requestDraw();
+  },
+  photo({ image, picture }) {
+    photo?.picture.close();
+    photo = { image, picture };
+    hang();
     requestDraw();
   },
   move({ how, amount }) {

@@ -23,10 +23,11 @@ export function hide(node, hidden) {
   node.classList.toggle("hidden", hidden);
 }
 
-/** A heading with a note at its right end: returns both. @param {string} title @param {string} [note] */
+/** A heading with a note at its right end: returns the row and both. @param {string} title @param {string} [note] */
 export function heading(title, note = "") {
   const right = el("span", {}, note);
-  return { node: el("div", { class: "heading" }, el("h2", {}, title), right), note: right };
+  const left = el("h2", {}, title);
+  return { node: el("div", { class: "heading" }, left, right), title: left, note: right };
 }
 
 /** Runs `draw` at most once a frame, however often it is asked. @param {() => void} draw */
