@@ -1,7 +1,7 @@
 // The whole way: a database goes in, a model comes out, and it is as good as the command line's.
 
 import assert from "node:assert/strict";
-import { readFileSync, rmSync } from "node:fs";
+import { readFileSync, readdirSync, rmSync } from "node:fs";
 import { join } from "node:path";
 import { test } from "node:test";
 import { unpack } from "./archive.mjs";
@@ -76,6 +76,27 @@ for (const gpu of [true, false]) {
 
 test("castle-P19 on the processor is as good as on the command line", { skip: !shared && "no shared data", timeout: 180_000 }, () =>
   compare({ name: "castle-P19", database: join(shared ?? "", "strecha_castle-P19/database.db"), truth: join(shared ?? "", "strecha_castle-P19/gt/sparse"), images: 19, gpu: false, limitMs: 150_000 }));
+
+test("depth maps beside the database make the model metric", { timeout: 60_000 }, async () => {
+  const { browser, page, complaints } = await open();
+  try {
+    const maps = join(fixtures, "orbit/depth");
+    await openScene(page, [orbit.database, ...readdirSync(maps).map((name) => join(maps, name))]);
+    await reconstruct(page, 30_000);
+    const { model, names } = await exported(page, "orbit-depth");
+    const { scale_error: scale, common_images: common } = evaluate(model, orbit.truth);
+    console.log(`with depth maps the scale is off by ${(100 * scale).toFixed(2)} %`);
+    assert.equal(common, 18);
+    // The maps have 2 % noise, and without them the scale is off by a sixth.
+    assert.ok(Math.abs(scale) < 0.005, `${scale}`);
+    const report = JSON.parse(readFileSync(join(out, "orbit-depth", names.find((name) => name.endsWith("report.json")) ?? ""), "utf8"));
+    assert.equal(report.components[0].metric.maps, 17);
+    assert.deepEqual(report.depth_input.missing, ["00006.jpg"]);
+    assert.deepEqual(complaints, []);
+  } finally {
+    await browser.close();
+  }
+});
 
 test("a COLMAP model opens and goes out again as it came", { timeout: 60_000 }, async () => {
   const { browser, page, complaints } = await open();

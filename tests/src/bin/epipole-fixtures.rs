@@ -23,7 +23,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     /// A scene as a COLMAP database with its truth as a COLMAP text model, and as a BAL file if asked.
-    Synth(Synth),
+    Synth(Box<Synth>),
     /// The repository's fixture in every broken state, one database each, beside it NAME.maps where depth maps are broken.
     Damage {
         /// Where to write them.
