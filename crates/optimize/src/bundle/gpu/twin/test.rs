@@ -91,7 +91,7 @@ fn pcg_agrees_with_its_twins_on_thousands_of_images() {
     let Some(device) = device() else { return };
     for shared in [false, true] {
         let scene =
-            common::Scene { images: 4200, points: 6000, track: 4, band: 30, shared, ..common::Scene::default() };
+            common::Scene { images: 4200, points: 3000, track: 4, band: 30, shared, ..common::Scene::default() };
         let mut problem = common::ring(&scene);
         common::perturb(&mut problem, 0.1, 0.01, 3);
         let mut system = GpuSystem::new(&device, &problem, &Options::default()).expect("a good problem");
