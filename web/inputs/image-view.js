@@ -24,11 +24,12 @@ export function imageView(store, engine, pictures, on) {
   const reason = el("p", { class: "reason hidden" });
   const scale = el("div", { class: "error-scale quiet small hidden" }, el("span", {}, "0"), el("span", { class: "bar-of-colour" }), el("span", {}, `${LARGE_ERROR_PX} px and more`));
   /** @type {HTMLElement} */ (scale.children[1]).style.background = `linear-gradient(90deg, ${[0, 1 / 3, 2 / 3, 1].map((t) => `rgb(${ramp(t).map(Math.round).join(" ")})`).join(", ")})`;
+  const matchesLabel = el("span", { class: "quiet" });
   const neighbours = el("select", { "aria-label": "Show matches with", onchange: () => choose() });
   const snap = el("button", { type: "button", title: "Look through this camera (C)", onclick: () => on.snap(store.state.selection.image ?? 0) }, "Look through");
   const large = el("button", { type: "button", onclick: () => enlarge() }, "Enlarge");
   const node = el("div", { class: "block hidden" }, head, canvas, caption, reason, scale,
-    el("label", { class: "neighbour" }, el("span", { class: "quiet" }, "Matches with"), neighbours),
+    el("label", { class: "neighbour" }, matchesLabel, neighbours),
     el("div", { class: "add" }, snap, large));
   /** @type {Drawn|null} */
   let shown = null;
@@ -86,7 +87,7 @@ export function imageView(store, engine, pictures, on) {
     note.textContent = info.width > 0 ? `${info.width} × ${info.height}` : "";
     const parts = [info.name.split("/").at(-1) ?? info.name, `${count(info.keypoints)} keypoints`];
     if (result && result.component !== null) parts.push(`${count(result.points)} points`, pixels(result.mean_reprojection_error_px));
-    if (next.matches) parts.push(`${count(next.matches.length / 5)} matches`);
+    if (next.matches) parts.push(`${count(next.matches.length / 5)} ${opened.kind === "model" ? "common points" : "matches"}`);
     caption.textContent = parts.join(" · ");
     canvas.setAttribute("aria-label", caption.textContent);
     const is = standing(result, median((report?.images ?? []).map((other) => other.mean_reprojection_error_px)));
@@ -108,6 +109,7 @@ export function imageView(store, engine, pictures, on) {
       if (opened.pairs[k] === image) list.push([opened.pairs[k + 1], opened.pairs[k + 2]]);
       else if (opened.pairs[k + 1] === image) list.push([opened.pairs[k], opened.pairs[k + 2]]);
     }
+    matchesLabel.textContent = opened.kind === "model" ? "Shares points with" : "Matches with";
     list.sort((x, y) => y[1] - x[1]);
     neighbours.replaceChildren(
       el("option", { value: "" }, list.length === 0 ? "no other image" : `one of ${list.length} images`),

@@ -35,7 +35,8 @@ export function startDevice(chip) {
     /** @param {Adapter} used what the run that begins has taken */
     running(used) {
       taken = used;
-      say(used);
+      // The browser knows the adapter's name, the engine often does not.
+      say(used.kind !== "none" && adapter && adapter.kind !== "none" ? { ...used, name: adapter.name } : used);
     },
   };
 }
