@@ -91,13 +91,18 @@ fn specs(asked: &[String]) -> Result<Vec<PathBuf>, Error> {
     Ok(specs)
 }
 
-/// As part of the tests: a machine without Chromium or npm leaves it out, loudly.
-pub(crate) fn run_in_tests() -> Result<(), Error> {
-    let missing = match (shaders::usual_chromium(), output("npm", &["--version"])) {
-        (None, _) => "Chromium (`cargo xtask setup` installs it on Debian)",
-        (_, None) => "npm (on Debian `apt-get install npm`)",
-        (Some(_), Some(_)) => return run(&Arguments::default()),
-    };
-    println!("LEFT OUT: the page was not tested, there is no {missing}");
-    Ok(())
+/// What a machine lacks that the page's tests need.
+pub(crate) fn missing() -> Option<&'static str> {
+    match (shaders::usual_chromium(), output("npm", &["--version"])) {
+        (None, _) => Some("Chromium (`cargo xtask setup` installs it on Debian)"),
+        (_, None) => Some("npm (on Debian `apt-get install npm`)"),
+        (Some(_), Some(_)) => None,
+    }
+}
+
+impl Arguments {
+    /// All specs, with the page as it was built last.
+    pub(crate) fn built() -> Self {
+        Self { no_build: true, ..Self::default() }
+    }
 }
