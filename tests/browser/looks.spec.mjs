@@ -86,7 +86,7 @@ for (const [name, options] of /** @type {const} */ ([
 
 test("the README's picture", { skip: !process.env.EPIPOLE_PICTURE && "only with `cargo xtask browser --picture`", timeout: 180_000 }, async () => {
   const path = process.env.EPIPOLE_PICTURE ?? "";
-  const { browser, page } = await open({ theme: "dark", width: 1440, height: 860 });
+  const { browser, page } = await open({ theme: "dark", width: 1200, height: 720 });
   try {
     if (castle) {
       await page.locator('input[type="file"][aria-label="Folder"]').setInputFiles(castle);
