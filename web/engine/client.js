@@ -1,4 +1,5 @@
-// The page's end of the engine's worker.
+// The page's end of the engine's worker: the whole of what a page needs to embed the engine. Every scene gets a worker of its own,
+// so that nothing of one can leak into the next and its memory is given back.
 
 /**
  * @typedef {import("./protocol.js").Command} Command
@@ -35,13 +36,26 @@ export class Engine {
     this.next = 0;
     /** @type {Map<number, {resolve: (value: any) => void, reject: (error: Error) => void}>} */
     this.waiting = new Map();
+    /** @type {Set<Promise<any>>} */
+    this.answers = new Set();
+    /** A scene was opened in this worker. */
+    this.used = false;
+    this.solving = false;
+    /** What the last worker found to compute on: said again only where it has changed. */
+    this.adapter = "";
     this.start();
   }
 
   start() {
+    this.used = false;
     this.worker = policedWorker("./worker.js");
     this.worker.onmessage = ({ data }) => {
       if (data.id === undefined) {
+        if (data.type === "ready") {
+          const adapter = JSON.stringify(data.adapter);
+          if (adapter === this.adapter) return;
+          this.adapter = adapter;
+        }
         if (data.type === "panic") this.fail("it ended early");
         this.receive(data);
         return;
@@ -73,8 +87,40 @@ export class Engine {
     this.start();
   }
 
+  /** Ends the engine and gives all of its memory back. */
+  dispose() {
+    this.worker?.terminate();
+    this.worker = undefined;
+    this.fail("the engine was disposed of");
+  }
+
+  /** Starts a fresh worker once what was asked before is answered, at once if a run is on its way. A module's memory grows and never shrinks. */
+  async renew() {
+    if (!this.used) return;
+    if (!this.solving) await Promise.allSettled([...this.answers]);
+    this.restart();
+  }
+
   /** @param {Command} command @param {Transferable[]} [transfer] @returns {Promise<any>} */
-  ask(command, transfer = []) {
+  async ask(command, transfer = []) {
+    if (command.type === "close") return this.renew();
+    if (command.type === "open") {
+      await this.renew();
+      this.used = true;
+    }
+    const answer = this.post(command, transfer);
+    this.answers.add(answer);
+    if (command.type === "solve") this.solving = true;
+    try {
+      return await answer;
+    } finally {
+      this.answers.delete(answer);
+      if (command.type === "solve") this.solving = false;
+    }
+  }
+
+  /** @param {Command} command @param {Transferable[]} transfer @returns {Promise<any>} */
+  post(command, transfer) {
     const id = this.next++;
     return new Promise((resolve, reject) => {
       this.waiting.set(id, { resolve, reject });

@@ -50,7 +50,9 @@
  *   | { event: "iteration", stage: string, iteration: number, cost: number, damping: number, active_observations: number, accepted: boolean }
  *   | { event: "stage_finished", stage: string, component: number, seconds: number, summary: string }
  *   | { event: "component_finished", component: number, images: number, points: number }
- *   | { event: "warning", message: string }} MapperEvent
+ *   | { event: "warning", message: string }
+ *   | { event: "device_lost", stage: string, reason: string, resumed_on: string|null, message: string }
+ *   | { event: "depth_input", depth_input: { maps: number, missing: string[], keypoints: number, keypoints_with_depth: number } }} MapperEvent
  *
  * @typedef {{ path: string, file: File }} Entry
  *
@@ -64,15 +66,18 @@
  *   | { type: "residuals", image: number }
  *   | { type: "track", point: number }
  *   | { type: "export", formats: string[], component: number|null, filter: {maxErrorPx: number, minTrack: number}, settings: Record<string, any> }
- *   | { type: "memory" }
+ *   | { type: "status" }
  *   | { type: "close" }} Command
+ *
+ * What the engine holds, and the longest time for which the last run did not look at what it was asked.
+ * @typedef {{ memoryBytes: number, longestGap: { ms: number, stage: string|null } }} Status
  *
  * Sent at any time, not answered.
  * @typedef {{ type: "pause" } | { type: "resume" } | { type: "stop" } | { type: "cancel" }} Signal
  *
  * Sent by the worker on its own.
  * @typedef {{ type: "ready", adapter: Adapter } | { type: "backend", adapter: Adapter } | { type: "event", event: MapperEvent } | { type: "snapshot", snapshot: Snapshot }
- *   | { type: "panic", message: string }} Message
+ *   | { type: "paused" } | { type: "panic", message: string }} Message
  *
  * Where things are computed: with `ready` what this browser offers, with `backend` what the run that begins has taken.
  * `none` is the processor.

@@ -2,6 +2,7 @@
 
 import init, { Session } from "../vendor/epipole_web.js";
 import { findAdapter } from "./adapter.js";
+import { decode } from "./decode.js";
 
 /** @typedef {import("./protocol.js").Entry} Entry */
 
@@ -21,8 +22,10 @@ const channel = new MessageChannel();
 const breaths = [];
 channel.port1.onmessage = () => {
   const next = breaths.shift();
-  if (paused && next) goOn = next;
-  else next?.();
+  if (paused && next) {
+    goOn = next;
+    postMessage({ type: "paused" });
+  } else next?.();
 };
 
 /** A task of its own, so that the page's messages get in: a timer would be held up by the browser. */
@@ -62,11 +65,14 @@ const commands = {
   pictures({ entries }) {
     for (const { path, file } of /** @type {Entry[]} */ (entries)) session.addPicture(path, file);
   },
+  depths({ entries }) {
+    for (const { path, file } of /** @type {Entry[]} */ (entries)) session.addDepth(path, file);
+  },
   async solve({ settings, backend }) {
     paused = false;
     control = session.control();
     try {
-      return await session.solve(settings, backend ?? "auto", send, breathe);
+      return await session.solve(settings, backend ?? "auto", { send, breathe, decode });
     } finally {
       control.free();
       control = null;
@@ -78,8 +84,7 @@ const commands = {
   track: ({ point }) => session.track(point),
   export: ({ formats, component, filter, settings }) =>
     session.export(formats, component ?? undefined, { minTrack: filter.minTrack, maxErrorPx: Number.isFinite(filter.maxErrorPx) ? filter.maxErrorPx : undefined }, settings),
-  close: fresh,
-  memory: async () => (await started).memory.buffer.byteLength,
+  status: async () => ({ memoryBytes: (await started).memory.buffer.byteLength, longestGap: session.longestGap() }),
 };
 
 /** @param {string} kind @param {any} value */

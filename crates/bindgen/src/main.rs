@@ -14,7 +14,7 @@ fn main() -> ExitCode {
     let generated = Bindgen::new()
         .input_path(module)
         .web(true)
-        .and_then(|bindgen| bindgen.typescript(true).keep_debug(false).generate(folder));
+        .and_then(|bindgen| bindgen.typescript(true).keep_debug(false).remove_name_section(true).generate(folder));
     match generated {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

@@ -11,9 +11,6 @@ use crate::error::CliError;
 use crate::progress::Progress;
 use crate::{interrupt, output};
 
-/// Names in a line for people; all of them are in report.json.
-const MAX_NAMES: usize = 5;
-
 /// Refuses a mistyped folder before the work, not after.
 pub(crate) fn check(args: &ReconstructArgs) -> Result<(), CliError> {
     match &args.depth_dir {
@@ -38,7 +35,7 @@ pub(crate) fn attach(
     let sidecar = args.depth_sidecar.as_deref();
     let mut go_on = |_, _| !interrupt::requested();
     let input = attach_depths(graph, folder, sidecar, &options.depth, &mut go_on).map_err(CliError::Input)?;
-    for message in complaints(&input, graph.images.len()) {
+    for message in input.complaints(graph.images.len()) {
         progress.event(&Event::Warning { message: message.clone() });
         warnings.push(message);
     }
@@ -71,26 +68,4 @@ fn summary(input: &DepthInput, images: usize) -> String {
         line.push_str(&format!(", {} {reason}", percent(count)));
     }
     line
-}
-
-/// What a person should know.
-fn complaints(input: &DepthInput, images: usize) -> Vec<String> {
-    let mut lines = Vec::new();
-    if !input.missing.is_empty() {
-        let names: Vec<&str> = input.missing.iter().take(MAX_NAMES).map(String::as_str).collect();
-        let more = match input.missing.len().saturating_sub(MAX_NAMES) {
-            0 => String::new(),
-            n => format!(" and {n} more"),
-        };
-        lines.push(format!("no depth map for {} of {images} images: {}{more}", input.missing.len(), names.join(", ")));
-    }
-    lines.extend(input.unreadable.iter().take(MAX_NAMES).map(|u| format!("{}: {}", u.image, u.message)));
-    let more = input.unreadable.len().saturating_sub(MAX_NAMES);
-    if more > 0 {
-        lines.push(format!("{more} more depth maps could not be read; report.json names them"));
-    }
-    if input.maps > 0 && input.keypoints_with_depth == 0 {
-        lines.push("no keypoint has a depth; check --depth-scale, --depth-max and the size of the maps".into());
-    }
-    lines
 }

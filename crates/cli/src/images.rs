@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use epipole_mapper::stages::finish::ImageSource;
+use epipole_mapper::stages::finish::{ImageSource, Loading};
 use image::{ImageReader, RgbImage};
 
 use crate::error::CliError;
@@ -20,10 +20,16 @@ impl ImageFolder {
     }
 }
 
-impl ImageSource for ImageFolder {
-    fn load(&mut self, name: &str) -> Option<RgbImage> {
+impl ImageFolder {
+    fn read(&self, name: &str) -> Option<RgbImage> {
         // The kind is told from the content: endings lie.
         let reader = ImageReader::open(self.0.join(name)).ok()?.with_guessed_format().ok()?;
         Some(reader.decode().ok()?.into_rgb8())
+    }
+}
+
+impl ImageSource for ImageFolder {
+    fn load<'a>(&'a mut self, name: &'a str) -> Loading<'a> {
+        Box::pin(std::future::ready(self.read(name)))
     }
 }

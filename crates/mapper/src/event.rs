@@ -142,6 +142,13 @@ pub trait Observer {
     }
 }
 
+/// Awaits the pause that an observer asks for, if it does.
+pub(crate) async fn breath(observer: &mut dyn Observer) {
+    if let Some(breath) = observer.breathe() {
+        breath.await;
+    }
+}
+
 /// An observer that ignores everything.
 pub struct Silent;
 

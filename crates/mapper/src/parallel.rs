@@ -1,5 +1,7 @@
 //! Parallel maps that give the same result on any number of threads, and run on one where there is no rayon.
 
+use crate::event::{Observer, breath};
+
 /// `f` of every item, in order.
 pub(crate) fn map<T: Sync, R: Send>(items: &[T], f: impl Fn(usize, &T) -> R + Sync + Send) -> Vec<R> {
     #[cfg(feature = "rayon")]
@@ -11,6 +13,28 @@ pub(crate) fn map<T: Sync, R: Send>(items: &[T], f: impl Fn(usize, &T) -> R + Sy
     {
         items.iter().enumerate().map(|(i, item)| f(i, item)).collect()
     }
+}
+
+/// [`map`] that lets the host in between items where they run one after the other, and ends early where it asks to stop:
+/// then there are fewer results than items.
+pub(crate) async fn map_breathing<T: Sync, R: Send>(
+    items: &[T],
+    observer: &mut dyn Observer,
+    f: impl Fn(usize, &T) -> R + Sync + Send,
+) -> Vec<R> {
+    breath(observer).await;
+    if cfg!(feature = "rayon") {
+        return map(items, f);
+    }
+    let mut results = Vec::with_capacity(items.len());
+    for (i, item) in items.iter().enumerate() {
+        if observer.should_stop() {
+            break;
+        }
+        results.push(f(i, item));
+        breath(observer).await;
+    }
+    results
 }
 
 /// `f` of every item in place.

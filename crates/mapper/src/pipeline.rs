@@ -11,7 +11,7 @@ use epipole_scene::{Reconstruction, ViewGraph};
 use crate::component::Component;
 use crate::correspondences::CorrespondenceGraph;
 use crate::error::MapperError;
-use crate::event::{Event, Observer, Stage};
+use crate::event::{Event, Observer, Stage, breath};
 use crate::metric::DepthStages;
 use crate::options::Options;
 use crate::reasons::{Reasons, image_reports};
@@ -69,7 +69,7 @@ pub async fn reconstruct(
     reasons.after_relative_poses(&graph);
     let rotations = run
         .stage(Stage::Rotation, 0, async |observer, _| {
-            let rotations = rotation::run(&graph, &options.rotation, observer)?;
+            let rotations = rotation::run(&graph, &options.rotation, observer).await?;
             let summary = rotations.to_string();
             Ok((rotations, summary))
         })
@@ -183,7 +183,7 @@ async fn reconstruct_component(
             for &(i, _) in &part.images {
                 in_component[i] = true;
             }
-            let tracks = tracks::run(graph, &in_component, &rotations.kept_pairs, &options.tracks, observer)?;
+            let tracks = tracks::run(graph, &in_component, &rotations.kept_pairs, &options.tracks, observer).await?;
             let summary = format!("{} tracks, {} observations", tracks.len(), tracks.observations.len());
             Ok((tracks, summary))
         })
@@ -248,7 +248,7 @@ async fn reconstruct_component(
     let metric = run
         .stage(Stage::Finish, number, async |observer, _| {
             let source = images.as_mut().map(|i| &mut **i as &mut dyn ImageSource);
-            let summary = finish::run(&mut component, source, &options.finish, observer)?;
+            let summary = finish::run(&mut component, source, &options.finish, observer).await?;
             let metric = component.metric.report(&component.reconstruction);
             let scale = metric.as_ref().map_or(String::new(), |metric| format!("; {metric}"));
             Ok((metric, format!("{summary}{scale}")))
@@ -329,9 +329,7 @@ impl Run<'_> {
         work: impl AsyncFnOnce(&mut dyn Observer, &mut Engine) -> Result<(T, String), MapperError>,
     ) -> Result<T, MapperError> {
         self.observer.event(&Event::StageStarted { stage, component });
-        if let Some(breath) = self.observer.breathe() {
-            breath.await;
-        }
+        breath(self.observer).await;
         let start = self.observer.now_seconds();
         let mut recorder = Recorder { inner: self.observer, warnings: &mut self.warnings };
         let (result, summary) = work(&mut recorder, self.engine).await?;

@@ -256,6 +256,10 @@ pub async fn minimize<S: System>(system: &mut S, options: &LmOptions, observer: 
             system.linearize().await;
             linearized = true;
             breath(observer).await;
+            if observer.should_stop() {
+                report.termination = Termination::Stopped;
+                break;
+            }
         }
         report.iterations += 1;
         let mut record = IterationRecord {

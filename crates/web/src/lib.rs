@@ -4,11 +4,15 @@
 //! that messages get in and a person can stop it.
 #![cfg(target_family = "wasm")]
 
+mod answers;
 mod backend;
 mod bytes;
 mod control;
+mod deafness;
+mod depths;
 mod error;
 mod export;
+mod host;
 mod memory;
 mod observer;
 mod opened;
@@ -17,6 +21,7 @@ mod pictures;
 mod query;
 mod session;
 mod snapshot;
+mod solve;
 
 pub use control::Control;
 pub use session::Session;

@@ -1,12 +1,13 @@
 //! Passes the run's events on to the page, and lets the page in between iterations.
 
-use epipole_mapper::{Component, Event, Observer};
+use epipole_mapper::{Component, Event, Observer, Stage};
 use epipole_optimize::lm::{Breath, Places};
-use js_sys::{Function, Promise};
 use wasm_bindgen::{JsCast, JsValue};
 use wasm_bindgen_futures::JsFuture;
 
 use crate::control::{Wish, Wishes};
+use crate::deafness::Deafness;
+use crate::host::Host;
 use crate::snapshot::Arrays;
 
 /// Pictures a second at most: more cannot be told apart, and each is copied.
@@ -16,16 +17,17 @@ const BREATH_SECONDS: f64 = 0.05;
 /// Iterations and progress are sent at most this often; the last of a stage may be dropped, its end is not.
 const PROGRESS_SECONDS: f64 = 0.03;
 
-/// Sends `{ type: "event" | "snapshot", … }` through `send`, and awaits the promises of `breathe`.
+/// Sends events and snapshots to the host and awaits its promises.
 pub(crate) struct TabObserver {
     pub(crate) wishes: Wishes,
-    send: Function,
-    breathe: Function,
+    host: Host,
     component: usize,
+    stage: Stage,
     finished: Arrays,
     last_snapshot: f64,
     last_breath: f64,
     last_progress: f64,
+    deafness: Deafness,
 }
 
 /// Seconds since the worker started.
@@ -35,29 +37,31 @@ pub(crate) fn now() -> f64 {
 }
 
 impl TabObserver {
-    pub(crate) fn new(wishes: Wishes, send: Function, breathe: Function) -> Self {
+    pub(crate) fn new(wishes: Wishes, deafness: Deafness, host: Host) -> Self {
+        deafness.begin();
         Self {
             wishes,
-            send,
-            breathe,
+            host,
             component: 0,
             finished: Arrays::default(),
             last_snapshot: f64::NEG_INFINITY,
             last_breath: now(),
             last_progress: f64::NEG_INFINITY,
+            deafness,
+            stage: Stage::Calibrate,
         }
     }
 
     /// A page that does not listen any more must not end the run.
     fn send(&self, kind: &str, value: &JsValue) {
-        let _ = self.send.call2(&JsValue::NULL, &kind.into(), value);
+        let _ = self.host.send(kind, value);
     }
 }
 
 impl Observer for TabObserver {
     fn event(&mut self, event: &Event) {
-        if let Event::StageStarted { component, .. } = event {
-            self.component = *component;
+        if let Event::StageStarted { component, stage } = event {
+            (self.component, self.stage) = (*component, *stage);
         }
         if matches!(event, Event::Progress { .. }) {
             let now = now();
@@ -109,14 +113,17 @@ impl Observer for TabObserver {
     }
 
     fn breathe(&mut self) -> Option<Breath> {
+        self.deafness.listen(self.stage);
         let now = now();
         if now - self.last_breath < BREATH_SECONDS {
             return None;
         }
         self.last_breath = now;
-        let promise = self.breathe.call0(&JsValue::NULL).ok()?.dyn_into::<Promise>().ok()?;
+        let promise = self.host.breathe().ok()?;
+        let deafness = self.deafness.clone();
         Some(Box::pin(async move {
             let _ = JsFuture::from(promise).await;
+            deafness.resume();
         }))
     }
 }

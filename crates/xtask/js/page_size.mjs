@@ -18,7 +18,7 @@ walk(join(root, "web"));
 const groups = new Map();
 for (const path of files) {
   const data = readFileSync(path);
-  const packed = brotliCompressSync(data, { params: { [constants.BROTLI_PARAM_QUALITY]: 9, [constants.BROTLI_PARAM_LGWIN]: 22 } }).length;
+  const packed = brotliCompressSync(data, { params: { [constants.BROTLI_PARAM_QUALITY]: 11, [constants.BROTLI_PARAM_LGWIN]: 24 } }).length;
   const group = /\.wasm$/.test(path) ? relative(root, path) : relative(root, path).startsWith("web/vendor") ? "web/vendor, JavaScript and styles" : "the page's own files";
   const sum = groups.get(group) ?? [0, 0];
   groups.set(group, [sum[0] + data.length, sum[1] + packed]);

@@ -25,9 +25,28 @@ const SEPARATORS: [char; 3] = ['.', '_', '-'];
 /// Folders within folders that are looked into.
 const MAX_DEPTH: usize = 8;
 
+/// Where depth maps lie: a folder of the disk, or files that somebody holds in a browser tab.
+pub trait DepthFiles {
+    /// The whole content of a file that [`DepthNames`] knows.
+    ///
+    /// # Errors
+    /// As [`fs::read`].
+    fn read(&self, path: &Path) -> std::io::Result<Vec<u8>>;
+}
+
+/// Files of the disk.
+#[derive(Debug)]
+pub struct OnDisk;
+
+impl DepthFiles for OnDisk {
+    fn read(&self, path: &Path) -> std::io::Result<Vec<u8>> {
+        fs::read(path)
+    }
+}
+
 /// The files of a folder, by name without ending, relative to the folder, with `/` between folders.
 #[derive(Debug, Default)]
-pub(super) struct DepthFolder {
+pub struct DepthNames {
     depths: Index,
     confidences: Index,
 }
@@ -40,7 +59,17 @@ struct Index {
     by_stem: BTreeMap<String, Vec<String>>,
 }
 
-impl DepthFolder {
+impl DepthNames {
+    /// Files by their paths relative to the folder, with `/` between folders.
+    pub fn of<'a>(paths: impl Iterator<Item = &'a str>) -> Self {
+        let mut names = Self::default();
+        for path in paths {
+            let (prefix, name) = path.split_at(path.rfind('/').map_or(0, |slash| slash + 1));
+            names.add(prefix, name, PathBuf::from(path));
+        }
+        names
+    }
+
     /// Lists a folder and the folders in it.
     pub(super) fn open(path: &Path) -> Result<Self, FormatError> {
         let mut folder = Self::default();
@@ -159,13 +188,8 @@ fn without_mark<'a>(stem: &'a str, marks: &[&str]) -> Option<&'a str> {
 mod tests {
     use super::*;
 
-    fn folder(files: &[&str]) -> DepthFolder {
-        let mut folder = DepthFolder::default();
-        for file in files {
-            let split = file.rfind('/').map_or(0, |i| i + 1);
-            folder.add(&file[..split], &file[split..], PathBuf::from(file));
-        }
-        folder
+    fn folder(files: &[&str]) -> DepthNames {
+        DepthNames::of(files.iter().copied())
     }
 
     fn found(files: &[&str], image: &str) -> Option<String> {

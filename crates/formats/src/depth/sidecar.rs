@@ -70,7 +70,15 @@ impl DepthSidecar {
     /// the camera it belongs to.
     pub fn read(path: &Path) -> Result<Self, FormatError> {
         let text = fs::read_to_string(path).map_err(|e| FormatError::io(path, e))?;
-        parse(&text).map_err(|problem| FormatError::invalid(Location::file(path), problem, ADVICE))
+        Self::from_text(&text, path)
+    }
+
+    /// Reads a sidecar that is in memory; errors name `path`.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn from_text(text: &str, path: &Path) -> Result<Self, FormatError> {
+        parse(text).map_err(|problem| FormatError::invalid(Location::file(path), problem, ADVICE))
     }
 
     /// Whether the maps must be drawn into the images' camera before they are sampled.

@@ -1,6 +1,7 @@
 //! The last touch: what a model needs to be written. Errors and colours of points, no empty images, stable ids.
 
 use std::fmt;
+use std::pin::Pin;
 
 use epipole_geometry::Similarity3;
 use epipole_scene::{Reconstruction, statistics};
@@ -10,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::component::Component;
 use crate::error::MapperError;
-use crate::event::{Event, Observer, Stage};
+use crate::event::{Event, Observer, Stage, breath};
 use crate::parallel;
 
 /// Names of missing images that a warning lists; more would hide the rest of the output.
@@ -38,9 +39,13 @@ impl Default for Options {
 
 /// Where the pixels come from; the mapper itself opens no file.
 pub trait ImageSource {
-    /// The image of a name as the database writes it, or `None` if there is none or it cannot be decoded.
-    fn load(&mut self, name: &str) -> Option<RgbImage>;
+    /// The image of a name as the database writes it, or `None` if there is none or it cannot be decoded. It may be
+    /// smaller than the image that the keypoints were found in. A browser decodes on its own time.
+    fn load<'a>(&'a mut self, name: &'a str) -> Loading<'a>;
 }
+
+/// An image on its way.
+pub type Loading<'a> = Pin<Box<dyn Future<Output = Option<RgbImage>> + 'a>>;
 
 /// What the stage did.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -83,7 +88,7 @@ impl fmt::Display for Summary {
 /// Makes the component ready to be written: drops points with fewer than two observations, images without any and
 /// cameras without images (camera indices change), sets the frame, the errors and the colours, and numbers the points
 /// from 1. Images keep the order of the view graph, which is by id. Asked to stop, it leaves out the remaining colours.
-pub fn run(
+pub async fn run(
     component: &mut Component,
     images: Option<&mut dyn ImageSource>,
     options: &Options,
@@ -116,7 +121,7 @@ pub fn run(
         point.id = i as u64 + 1;
     }
     if let Some(source) = images.filter(|_| options.colors) {
-        (summary.colored_points, summary.missing_images) = color(reconstruction, source, observer);
+        (summary.colored_points, summary.missing_images) = color(reconstruction, source, observer).await;
     }
     let statistics = statistics::Statistics::of(reconstruction);
     summary.images = statistics.images;
@@ -168,7 +173,7 @@ fn update_errors(reconstruction: &mut Reconstruction) {
 
 /// Gives every point the mean colour of its keypoints, one image in memory at a time. Returns the numbers of coloured
 /// points and of missing images.
-fn color(
+async fn color(
     reconstruction: &mut Reconstruction,
     source: &mut dyn ImageSource,
     observer: &mut dyn Observer,
@@ -187,7 +192,8 @@ fn color(
         if observer.should_stop() {
             break;
         }
-        let Some(pixels) = source.load(&image.name) else {
+        breath(observer).await;
+        let Some(pixels) = source.load(&image.name).await else {
             missing.push(&image.name);
             continue;
         };

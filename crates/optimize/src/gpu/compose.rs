@@ -6,11 +6,32 @@
 use super::error::GpuError;
 use super::variant::Variant;
 
+/// As it is, so that compilers' messages have the lines of the file.
+#[cfg(not(target_family = "wasm"))]
+macro_rules! source {
+    ($path:expr) => {
+        include_str!($path)
+    };
+}
+
+/// Without comments: a visitor loads it.
+#[cfg(target_family = "wasm")]
+macro_rules! source {
+    ($path:expr) => {{
+        const TEXT: &str = include_str!($path);
+        const BYTES: [u8; super::strip::kept(TEXT)] = super::strip::strip(TEXT);
+        match str::from_utf8(&BYTES) {
+            Ok(text) => text,
+            Err(_) => TEXT,
+        }
+    }};
+}
+
 macro_rules! shaders {
     ($($path:literal),* $(,)?) => {
         /// Every file of `shaders/`: path below that folder, and text.
         pub const SOURCES: &[(&str, &str)] =
-            &[$(($path, include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shaders/", $path)))),*];
+            &[$(($path, source!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shaders/", $path)))),*];
     };
 }
 

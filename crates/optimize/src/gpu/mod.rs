@@ -11,6 +11,8 @@ mod error;
 mod failure;
 pub mod kernels;
 mod pipelines;
+#[cfg(any(test, target_family = "wasm"))]
+mod strip;
 pub(crate) mod sums;
 #[cfg(test)]
 pub(crate) mod tests;

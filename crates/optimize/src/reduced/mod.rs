@@ -32,6 +32,7 @@ mod pattern;
 mod pcg;
 mod preconditioner;
 mod sparse;
+mod sparse_factor;
 
 pub use cholesky::{Cholesky, CholeskyKind, NotPositiveDefinite};
 pub use incidence::{Incidence, Member};
@@ -41,3 +42,4 @@ pub use matrix::BlockMatrix;
 pub use pattern::BlockPattern;
 pub use pcg::{LinearOperator, PcgOptions, PcgResult, pcg};
 pub use preconditioner::BlockJacobi;
+pub use sparse_factor::{SparseError, SparseFactor};

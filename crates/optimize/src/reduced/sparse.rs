@@ -2,25 +2,17 @@
 
 use std::sync::Arc;
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::llt::factor::LltRegularization;
-use faer::prelude::*;
-use faer::sparse::linalg::cholesky::{LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky};
-use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
-use faer::{Conj, MatMut, Par, Side};
-
 use super::cholesky::NotPositiveDefinite;
 use super::matrix::BlockMatrix;
 use super::pattern::BlockPattern;
+use super::sparse_factor::SparseFactor;
 use crate::error::OptimizeError;
 
-/// A sparse factor: the scalar pattern, its symbolic factor, and memory for the numbers.
+/// A sparse factor of the scalar pattern, and memory for the values.
 #[derive(Debug)]
 pub(super) struct SparseCholesky {
-    structure: SymbolicSparseColMat<usize>,
-    symbolic: SymbolicCholesky<usize>,
+    factor: SparseFactor,
     values: Vec<f64>,
-    factor: Vec<f64>,
 }
 
 impl SparseCholesky {
@@ -36,44 +28,21 @@ impl SparseCholesky {
             }
         }
         let n = layout.dim();
-        let structure = SymbolicSparseColMat::<usize>::new_checked(n, n, column_start, None, rows);
-        let symbolic =
-            factorize_symbolic_cholesky(structure.rb(), Side::Lower, SymmetricOrdering::Amd, Default::default())
-                .map_err(|_| OptimizeError::OutOfMemory { what: "the sparse factor of the camera system" })?;
-        Ok(Self { structure, symbolic, values: Vec::new(), factor: Vec::new() })
+        let factor = SparseFactor::new(n, column_start, rows)
+            .map_err(|_| OptimizeError::OutOfMemory { what: "the sparse factor of the camera system" })?;
+        Ok(Self { factor, values: Vec::new() })
     }
 
-    /// `n·(nnz/n)²`: exact where all columns of the factor are equally long, a lower bound elsewhere.
+    /// [`SparseFactor::flops`].
     pub(super) fn flops(&self) -> f64 {
-        let n = self.symbolic.nrows().max(1) as f64;
-        (self.symbolic.len_val() as f64).powi(2) / n
+        self.factor.flops()
     }
 
     pub(super) fn solve(&mut self, matrix: &BlockMatrix, rhs: &[f64]) -> Result<Vec<f64>, NotPositiveDefinite> {
         self.load(matrix);
-        self.factor.clear();
-        self.factor.resize(self.symbolic.len_val(), 0.0);
-        let a = SparseColMatRef::new(self.structure.rb(), &self.values);
-        let scratch = self.symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
-        let scratch = scratch.or(self.symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
-        let mut memory = MemBuffer::new(scratch);
-        let stack = MemStack::new(&mut memory);
-        let symbolic = &self.symbolic;
-        let regularization = LltRegularization::default();
-        symbolic
-            .factorize_numeric_llt(
-                &mut self.factor,
-                a,
-                Side::Lower,
-                regularization,
-                Par::Seq,
-                stack,
-                Default::default(),
-            )
-            .map_err(|_| NotPositiveDefinite)?;
         let mut x = rhs.to_vec();
-        let view = MatMut::from_column_major_slice_mut(&mut x, rhs.len(), 1);
-        LltRef::new(symbolic, &self.factor).solve_in_place_with_conj(Conj::No, view, Par::Seq, stack);
+        // What has no memory is told from what has no factor by the larger damping that follows: neither gets a step.
+        self.factor.solve(&self.values, &mut x).map_err(|_| NotPositiveDefinite)?;
         Ok(x)
     }
 

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use epipole_geometry::Rigid3;
 use epipole_geometry::camera::{Camera, CameraModel};
+use epipole_optimize::executor::block_on;
 use epipole_scene::{Image, Observation, Point};
 use image::Rgb;
 
@@ -56,12 +57,23 @@ struct Gradient {
 }
 
 impl ImageSource for Gradient {
-    fn load(&mut self, name: &str) -> Option<RgbImage> {
+    fn load<'a>(&'a mut self, name: &'a str) -> Loading<'a> {
         self.loaded.push(name.to_string());
         // Red is the column, green twice the row, so that bilinear samples are known exactly.
         let pixel = |x: u32, y: u32| Rgb([x as u8, 2 * y as u8, 7]);
-        self.only.is_none_or(|only| only == name).then(|| RgbImage::from_fn(self.size.0, self.size.1, pixel))
+        let image =
+            self.only.is_none_or(|only| only == name).then(|| RgbImage::from_fn(self.size.0, self.size.1, pixel));
+        Box::pin(std::future::ready(image))
     }
+}
+
+fn run(
+    component: &mut Component,
+    images: Option<&mut dyn ImageSource>,
+    options: &Options,
+    observer: &mut dyn Observer,
+) -> Result<Summary, MapperError> {
+    block_on(super::run(component, images, options, observer))
 }
 
 #[test]

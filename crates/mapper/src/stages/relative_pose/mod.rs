@@ -15,12 +15,13 @@ use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
 use crate::error::MapperError;
-use crate::event::{Event, Observer, Stage};
+use crate::event::{Event, Observer, Stage, breath};
 use crate::options::Matches;
 use crate::parallel;
 
-/// Pairs between two looks at whether a person wants to stop; a few tenths of a second of work.
-const PAIRS_PER_CHUNK: usize = 512;
+/// Pairs between two looks at whether a person wants to stop: a few tenths of a second of work on all cores; in a browser
+/// tab, on one, a single pair can take half of that.
+const PAIRS_PER_CHUNK: usize = if cfg!(feature = "rayon") { 512 } else { 1 };
 
 /// Which pairs are usable, and where their poses come from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -122,9 +123,7 @@ pub async fn run(
         }
         found.extend(parallel::map(chunk, |_, pair| find(graph, pair, options, matches, seed)));
         observer.event(&Event::Progress { stage: Stage::RelativePose, done: found.len(), total });
-        if let Some(breath) = observer.breathe() {
-            breath.await;
-        }
+        breath(observer).await;
     }
     let mut summary = Summary::default();
     let mut pairs = Vec::with_capacity(total);

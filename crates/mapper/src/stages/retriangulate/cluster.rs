@@ -9,6 +9,7 @@ use glam::DVec3;
 use super::views::Views;
 use crate::component::Component;
 use crate::correspondences::CorrespondenceGraph;
+use crate::event::{Observer, breath};
 use crate::parallel;
 
 /// Clusters handed to a thread at a time: most clusters have a handful of slots, too few to be a task.
@@ -102,20 +103,23 @@ impl<'a> Cluster<'a> {
 }
 
 /// Sorts the component's points into clusters, lets `work` change every cluster, and writes the points back:
-/// ordered by cluster, tracks ascending, ids from 1. Returns what `work` returned, by cluster.
+/// ordered by cluster, tracks ascending, ids from 1. Returns what `work` returned, by cluster; asked to stop, it leaves
+/// the last clusters as they were, and returns nothing of them.
 ///
 /// Points that span clusters, or are seen from an image that takes no part, are kept as they are, first in order.
-pub(super) fn for_each<R: Send>(
+pub(super) async fn for_each<R: Send>(
     correspondences: &CorrespondenceGraph,
     component: &mut Component,
     skip_bogus_cameras: bool,
+    observer: &mut dyn Observer,
     work: impl Fn(&mut Cluster<'_>) -> R + Sync + Send,
 ) -> Vec<R> {
     let (kept, drafts, taken) = sort_into_clusters(correspondences, component, skip_bogus_cameras);
+    breath(observer).await;
     let views = Views::new(correspondences, component, skip_bogus_cameras);
     let num_clusters = correspondences.num_clusters();
     let tasks: Vec<usize> = (0..num_clusters).step_by(CLUSTERS_PER_TASK).collect();
-    let done = parallel::map(&tasks, |_, &first| {
+    let done = parallel::map_breathing(&tasks, observer, |_, &first| {
         let mut points = Vec::new();
         let mut returned = Vec::new();
         for c in first..(first + CLUSTERS_PER_TASK).min(num_clusters) {
@@ -140,13 +144,16 @@ pub(super) fn for_each<R: Send>(
             points.extend(cluster.points.iter().filter_map(|draft| finished(draft, &views)));
         }
         (points, returned)
-    });
+    })
+    .await;
     let mut points = kept;
+    let reached = tasks.get(done.len()).copied().unwrap_or(num_clusters);
     let mut all_returned = Vec::with_capacity(num_clusters);
     for (of_task, returned) in done {
         points.extend(of_task);
         all_returned.extend(returned);
     }
+    points.extend(drafts.iter().filter(|(of, _)| *of >= reached).filter_map(|(_, draft)| finished(draft, &views)));
     for (i, point) in points.iter_mut().enumerate() {
         point.id = i as u64 + 1;
     }

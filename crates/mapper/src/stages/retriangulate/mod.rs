@@ -28,7 +28,7 @@ use std::fmt;
 use crate::component::Component;
 use crate::correspondences::CorrespondenceGraph;
 use crate::error::MapperError;
-use crate::event::{Event, Observer, Stage};
+use crate::event::{Event, Observer, Stage, breath};
 
 use cluster::Cluster;
 use create::Creator;
@@ -109,23 +109,21 @@ pub async fn run(
         observer.event(&Event::Progress { stage: Stage::Retriangulate, done, total });
     };
     progress(observer, 0);
-    summary.created = create_all(correspondences, component, options, seed);
-    let grow = |component: &mut Component, summary: &mut Summary| {
-        let grown = complete_and_merge(correspondences, component, options);
+    summary.created = create_all(correspondences, component, options, seed, observer).await;
+    let grow = async |component: &mut Component, summary: &mut Summary, observer: &mut dyn Observer| {
+        let grown = complete_and_merge(correspondences, component, options, observer).await;
         summary.completed += grown.completed;
         summary.merged += grown.merged;
     };
-    grow(component, &mut summary);
-    (summary.weak_pairs, summary.retried) = retry_weak_pairs(correspondences, component, options, seed);
+    grow(component, &mut summary, observer).await;
+    (summary.weak_pairs, summary.retried) = retry_weak_pairs(correspondences, component, options, seed, observer).await;
     progress(observer, 1);
     let mut before = component.reconstruction.num_observations();
     while summary.rounds < options.rounds && !observer.should_stop() {
         adjust(component, observer).await?;
-        grow(component, &mut summary);
+        grow(component, &mut summary, observer).await;
         observer.snapshot(component, false);
-        if let Some(breath) = observer.breathe() {
-            breath.await;
-        }
+        breath(observer).await;
         summary.filtered += filter(component, options.filter_max_error_px, options.filter_min_angle_deg);
         summary.rounds += 1;
         progress(observer, summary.rounds + 1);
@@ -146,29 +144,36 @@ pub async fn run(
 
 /// Replaces the component's points by new ones from the matches of its posed images: for every keypoint in the order of
 /// images, joins the nearest point that a match leads to, and makes points of the keypoint and those of its matches
-/// that observe none yet. Returns the number of observations.
-pub fn create_all(
+/// that observe none yet. Returns the number of observations; asked to stop halfway, it puts the old points back.
+pub async fn create_all(
     correspondences: &CorrespondenceGraph,
     component: &mut Component,
     options: &Options,
     seed: u64,
+    observer: &mut dyn Observer,
 ) -> usize {
-    component.reconstruction.points.clear();
+    let before = std::mem::take(&mut component.reconstruction.points);
     let max_sine2 = squared_sine(options.continue_max_angle_error_deg);
-    let created = cluster::for_each(correspondences, component, options.skip_bogus_cameras, |cluster| {
+    let created = cluster::for_each(correspondences, component, options.skip_bogus_cameras, observer, |cluster| {
         let mut creator = Creator::new(cluster, options, seed);
         cluster.slots().map(|slot| creator.triangulate(cluster, slot, max_sine2)).sum()
-    });
+    })
+    .await;
+    if created.len() < correspondences.num_clusters() {
+        component.reconstruction.points = before;
+        return 0;
+    }
     created.iter().sum()
 }
 
 /// Completes all tracks, then merges points, then moves the points alone to where their grown tracks see them.
-pub fn complete_and_merge(
+pub async fn complete_and_merge(
     correspondences: &CorrespondenceGraph,
     component: &mut Component,
     options: &Options,
+    observer: &mut dyn Observer,
 ) -> Grown {
-    let grown = cluster::for_each(correspondences, component, options.skip_bogus_cameras, |cluster| {
+    let grown = cluster::for_each(correspondences, component, options.skip_bogus_cameras, observer, |cluster| {
         let mut grown = Grown::default();
         for point in 0..cluster.num_points() {
             grown.completed +=
@@ -179,7 +184,8 @@ pub fn complete_and_merge(
         }
         polish_all(cluster, options);
         grown
-    });
+    })
+    .await;
     grown.iter().fold(Grown::default(), |sum, g| Grown {
         completed: sum.completed + g.completed,
         merged: sum.merged + g.merged,
@@ -188,25 +194,27 @@ pub fn complete_and_merge(
 
 /// Tries the matches of pairs again of whose matches few became points; returns the numbers of pairs and of new
 /// observations.
-pub fn retry_weak_pairs(
+pub async fn retry_weak_pairs(
     correspondences: &CorrespondenceGraph,
     component: &mut Component,
     options: &Options,
     seed: u64,
+    observer: &mut dyn Observer,
 ) -> (usize, usize) {
     let pairs = WeakPairs::new(correspondences, component, options.weak_pair_max_ratio);
     if pairs.len() == 0 {
         return (0, 0);
     }
     let max_sine2 = squared_sine(options.weak_pair_max_angle_error_deg);
-    let added = cluster::for_each(correspondences, component, options.skip_bogus_cameras, |cluster| {
+    let added = cluster::for_each(correspondences, component, options.skip_bogus_cameras, observer, |cluster| {
         // Rays are costly, and most clusters have no such match.
         if !pairs.touch(cluster) {
             return 0;
         }
         let mut creator = Creator::new(cluster, options, seed);
         under_reconstructed::retriangulate(cluster, &mut creator, &pairs, max_sine2)
-    });
+    })
+    .await;
     (pairs.len(), added.iter().sum())
 }
 

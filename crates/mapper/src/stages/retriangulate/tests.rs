@@ -23,6 +23,23 @@ fn assert_consistent(component: &Component) {
     }
 }
 
+fn create_all(correspondences: &CorrespondenceGraph, component: &mut Component, options: &Options, seed: u64) -> usize {
+    block_on(super::create_all(correspondences, component, options, seed, &mut Silent))
+}
+
+fn complete_and_merge(correspondences: &CorrespondenceGraph, component: &mut Component, options: &Options) -> Grown {
+    block_on(super::complete_and_merge(correspondences, component, options, &mut Silent))
+}
+
+fn retry_weak_pairs(
+    correspondences: &CorrespondenceGraph,
+    component: &mut Component,
+    options: &Options,
+    seed: u64,
+) -> (usize, usize) {
+    block_on(super::retry_weak_pairs(correspondences, component, options, seed, &mut Silent))
+}
+
 fn create_and_grow(scene: &mut Scene, options: &Options) {
     let correspondences = scene.correspondences();
     create_all(&correspondences, &mut scene.component, options, 0);

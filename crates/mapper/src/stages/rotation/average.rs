@@ -1,10 +1,12 @@
 //! Averaging one set of edges: spanning tree, then the robust phases, component by component.
 
+use epipole_optimize::executor::block_on;
 use glam::DQuat;
 
 use super::consistency::triangle_consistency;
 use super::spanning_tree::{DisjointSets, compose, maximum_spanning_forest};
 use super::{Edge, Options, robust};
+use crate::event::{Observer, Silent, breath};
 
 /// The rotations (`cam_from_world`) that agree best with the edges, robustly; `None` for images without edges.
 ///
@@ -14,6 +16,16 @@ use super::{Edge, Options, robust};
 /// An edge that names an image out of range, joins an image with itself or has a rotation or weight that is not finite
 /// (or a weight that is not positive), and a linear solve that fails; both as text.
 pub fn average(num_images: usize, edges: &[Edge], options: &Options) -> Result<Vec<Option<DQuat>>, String> {
+    block_on(average_async(num_images, edges, options, &mut Silent))
+}
+
+/// [`average`] for a host that may not block.
+pub(super) async fn average_async(
+    num_images: usize,
+    edges: &[Edge],
+    options: &Options,
+    observer: &mut dyn Observer,
+) -> Result<Vec<Option<DQuat>>, String> {
     check(num_images, edges)?;
     let mut tree_weights: Vec<f64> = edges.iter().map(|e| e.weight).collect();
     if options.triangle_consistency {
@@ -21,6 +33,7 @@ pub fn average(num_images: usize, edges: &[Edge], options: &Options) -> Result<V
         tree_weights.iter_mut().zip(&trust).for_each(|(w, t)| *w *= t);
     }
     let heaviest = edges.iter().map(|e| e.weight).fold(f64::MIN_POSITIVE, f64::max);
+    breath(observer).await;
     let tree = maximum_spanning_forest(num_images, edges, &tree_weights);
 
     let mut sets = DisjointSets::new(num_images);
@@ -48,7 +61,7 @@ pub fn average(num_images: usize, edges: &[Edge], options: &Options) -> Result<V
         let part_edges: Vec<Edge> = edge_indices.iter().map(local_edge).collect();
         let prior = |e: &Edge| (e.weight / heaviest).powf(options.inlier_weight_exponent);
         let prior: Vec<f64> = part_edges.iter().map(prior).collect();
-        robust::refine(&part_edges, &prior, &mut part, options)?;
+        robust::refine(&part_edges, &prior, &mut part, options, observer).await?;
         for (&image, rotation) in images.iter().zip(part) {
             rotations[image] = Some(rotation);
         }

@@ -4,10 +4,7 @@
 //! n × n system with three right-hand sides replaces a 3n × 3n one (`solver.md` §4). Vertex 0 is held at zero, which
 //! fixes the gauge and makes the system of a connected graph positive definite.
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::sparse::linalg::cholesky::{SymbolicCholesky, factorize_symbolic_cholesky};
-use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
-use faer::{Conj, Mat, Par, Side};
+use epipole_optimize::reduced::SparseFactor;
 use glam::DVec3;
 
 /// Added to the diagonal relative to its largest entry, as COLMAP's ridge of 1e-9: only there so that weights that
@@ -38,10 +35,8 @@ enum Method {
 
 /// Lower triangle of the Laplacian without vertex 0.
 struct Factor {
-    pattern: SymbolicSparseColMat<usize>,
-    symbolic: SymbolicCholesky<usize>,
+    factor: SparseFactor,
     values: Vec<f64>,
-    factor_values: Vec<f64>,
     diagonal_slot: Vec<usize>,
     edge_slot: Vec<Option<usize>>,
 }
@@ -102,20 +97,10 @@ impl Factor {
             column_start[column + 1] += column_start[column];
         }
         let rows = entries.iter().map(|&(_, row)| row).collect();
-        let pattern = SymbolicSparseColMat::new_checked(n, n, column_start, None, rows);
-        let symbolic =
-            factorize_symbolic_cholesky(pattern.as_ref(), Side::Lower, Default::default(), Default::default())
-                .map_err(|e| format!("the Laplacian of {num_vertices} images could not be analysed ({e:?})"))?;
-        let factor_size = symbolic.len_val() as f64;
-        let factor = Self {
-            pattern,
-            symbolic,
-            values: vec![0.0; entries.len()],
-            factor_values: Vec::new(),
-            diagonal_slot,
-            edge_slot,
-        };
-        Ok((factor, factor_size * factor_size / n.max(1) as f64))
+        let factor = SparseFactor::new(n, column_start, rows)
+            .map_err(|e| format!("the Laplacian of {num_vertices} images could not be analysed: {e}"))?;
+        let operations = factor.flops();
+        Ok((Self { factor, values: vec![0.0; entries.len()], diagonal_slot, edge_slot }, operations))
     }
 
     fn solve(&mut self, ends: &[[usize; 2]], weights: &[f64], rhs: &[DVec3]) -> Result<Vec<DVec3>, String> {
@@ -134,32 +119,11 @@ impl Factor {
         for &slot in &self.diagonal_slot {
             self.values[slot] += RELATIVE_RIDGE * largest;
         }
-        let matrix = SparseColMatRef::new(self.pattern.as_ref(), &self.values);
-        self.factor_values.resize(self.symbolic.len_val(), 0.0);
-        let out_of_memory = |_| "no memory for the factorisation of the Laplacian".to_string();
-        let scratch = self.symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
-        let factor = self
-            .symbolic
-            .factorize_numeric_llt(
-                &mut self.factor_values,
-                matrix,
-                Side::Lower,
-                Default::default(),
-                Par::Seq,
-                MemStack::new(&mut MemBuffer::try_new(scratch).map_err(out_of_memory)?),
-                Default::default(),
-            )
-            .map_err(|e| format!("the Laplacian could not be factorised ({e:?})"))?;
-        let mut x = Mat::from_fn(rhs.len() - 1, 3, |row, column| rhs[row + 1][column]);
-        let scratch = self.symbolic.solve_in_place_scratch::<f64>(3, Par::Seq);
-        factor.solve_in_place_with_conj(
-            Conj::No,
-            x.as_mut(),
-            Par::Seq,
-            MemStack::new(&mut MemBuffer::try_new(scratch).map_err(out_of_memory)?),
-        );
+        let n = rhs.len() - 1;
+        let mut x: Vec<f64> = (0..3).flat_map(|k| rhs[1..].iter().map(move |r| r[k])).collect();
+        self.factor.solve(&self.values, &mut x).map_err(|e| format!("the Laplacian's system: {e}"))?;
         let mut solution = vec![DVec3::ZERO];
-        solution.extend((0..x.nrows()).map(|row| DVec3::new(x[(row, 0)], x[(row, 1)], x[(row, 2)])));
+        solution.extend((0..n).map(|row| DVec3::new(x[row], x[n + row], x[2 * n + row])));
         Ok(solution)
     }
 }

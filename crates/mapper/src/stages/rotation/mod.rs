@@ -118,7 +118,7 @@ impl std::fmt::Display for Rotations {
 ///
 /// # Errors
 /// [`MapperError::Rotation`] when a linear solve fails.
-pub fn run(graph: &ViewGraph, options: &Options, observer: &mut dyn Observer) -> Result<Rotations, MapperError> {
+pub async fn run(graph: &ViewGraph, options: &Options, observer: &mut dyn Observer) -> Result<Rotations, MapperError> {
     let num_images = graph.images.len();
     let mut kept: Vec<bool> =
         graph.pairs.iter().map(|p| p.cam2_from_cam1.is_some_and(|pose| pose.is_finite())).collect();
@@ -127,7 +127,8 @@ pub fn run(graph: &ViewGraph, options: &Options, observer: &mut dyn Observer) ->
     for pass in 0..options.passes.max(1) {
         observer.event(&Event::Progress { stage: Stage::Rotation, done: pass, total: options.passes.max(1) });
         let edges = kept_edges(graph, &kept);
-        rotations = average(num_images, &edges, options).map_err(MapperError::Rotation)?;
+        rotations =
+            average::average_async(num_images, &edges, options, observer).await.map_err(MapperError::Rotation)?;
         for (p, pair) in graph.pairs.iter().enumerate() {
             residual_rad[p] = disagreement_rad(pair, &rotations);
             kept[p] &= residual_rad[p].is_some_and(|r| r <= options.max_residual_deg.to_radians());

@@ -5,6 +5,7 @@ use glam::{DQuat, DVec3, DVec4};
 
 use super::laplacian::Laplacian;
 use super::{Edge, Options};
+use crate::event::{Observer, breath};
 
 /// Re-weightings inside one L1 round; COLMAP's ADMM starts with 10 inner iterations (algorithms.md §2.5).
 const L1_INNER_ITERATIONS: usize = 10;
@@ -32,20 +33,27 @@ pub(super) fn geman_mcclure(residual_rad: f64, sigma_rad: f64) -> f64 {
 }
 
 /// Improves the rotations of a connected graph in place; `prior` weights the edges in every step.
-pub(super) fn refine(edges: &[Edge], prior: &[f64], rotations: &mut [DQuat], options: &Options) -> Result<(), String> {
+pub(super) async fn refine(
+    edges: &[Edge],
+    prior: &[f64],
+    rotations: &mut [DQuat],
+    options: &Options,
+    observer: &mut dyn Observer,
+) -> Result<(), String> {
     let ends: Vec<[usize; 2]> = edges.iter().map(|e| [e.i, e.j]).collect();
     let mut laplacian = Laplacian::new(rotations.len(), &ends)?;
     for _ in 0..options.max_l1_rounds {
         let residuals = residuals(edges, rotations);
-        let step = l1_step(&mut laplacian, &ends, prior, &residuals)?;
+        let step = l1_step(&mut laplacian, &ends, prior, &residuals, observer).await?;
         if apply(rotations, &step) < options.l1_step_tolerance_rad {
             break;
         }
     }
-    geman_mcclure_phase(&mut laplacian, edges, prior, rotations, options.irls_sigma_deg, options)?;
+    geman_mcclure_phase(&mut laplacian, edges, prior, rotations, options.irls_sigma_deg, options, observer).await?;
     if options.final_sigma_deg > 0.0 {
         let mut polished = rotations.to_vec();
-        geman_mcclure_phase(&mut laplacian, edges, prior, &mut polished, options.final_sigma_deg, options)?;
+        let sigma_deg = options.final_sigma_deg;
+        geman_mcclure_phase(&mut laplacian, edges, prior, &mut polished, sigma_deg, options, observer).await?;
         let noise = median(residuals(edges, rotations).iter().map(|r| r.length()).collect());
         if median_change(rotations, &polished) <= noise {
             rotations.copy_from_slice(&polished);
@@ -54,19 +62,21 @@ pub(super) fn refine(edges: &[Edge], prior: &[f64], rotations: &mut [DQuat], opt
     Ok(())
 }
 
-fn geman_mcclure_phase(
+async fn geman_mcclure_phase(
     laplacian: &mut Laplacian,
     edges: &[Edge],
     prior: &[f64],
     rotations: &mut [DQuat],
     sigma_deg: f64,
     options: &Options,
+    observer: &mut dyn Observer,
 ) -> Result<(), String> {
     for _ in 0..options.max_irls_rounds {
         let residuals = residuals(edges, rotations);
         let weight = |(r, p): (&DVec3, &f64)| p * geman_mcclure(r.length(), sigma_deg.to_radians());
         let weights: Vec<f64> = residuals.iter().zip(prior).map(weight).collect();
         let step = laplacian.solve(&weights, &residuals)?;
+        breath(observer).await;
         if apply(rotations, &step) < options.irls_step_tolerance_rad {
             break;
         }
@@ -91,11 +101,12 @@ fn median(mut values: Vec<f64>) -> f64 {
 }
 
 /// The minimiser of `Σ prior ‖θ_j − θ_i − r_ij‖` by re-weighted least squares.
-fn l1_step(
+async fn l1_step(
     laplacian: &mut Laplacian,
     ends: &[[usize; 2]],
     prior: &[f64],
     residuals: &[DVec3],
+    observer: &mut dyn Observer,
 ) -> Result<Vec<DVec3>, String> {
     let mut step = vec![DVec3::ZERO; laplacian.num_vertices()];
     for _ in 0..L1_INNER_ITERATIONS {
@@ -103,6 +114,7 @@ fn l1_step(
         let left = ends.iter().zip(residuals).map(left);
         let weights: Vec<f64> = left.zip(prior).map(|(e, p)| p / e.max(L1_MIN_RESIDUAL_RAD)).collect();
         step = laplacian.solve(&weights, residuals)?;
+        breath(observer).await;
     }
     Ok(step)
 }

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::rotation::spanning_tree::DisjointSets;
 use crate::error::MapperError;
-use crate::event::Observer;
+use crate::event::{Observer, breath};
 
 /// What happens to a set of matched keypoints that cannot be one point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -107,12 +107,12 @@ impl Tracks {
 ///
 /// # Errors
 /// [`MapperError::InvalidOption`] when there are more keypoints than an index can count.
-pub fn run(
+pub async fn run(
     graph: &ViewGraph,
     in_component: &[bool],
     kept_pairs: &[bool],
     options: &Options,
-    _observer: &mut dyn Observer,
+    observer: &mut dyn Observer,
 ) -> Result<Tracks, MapperError> {
     let keypoints = KeypointTable::new(graph, in_component)?;
     let pairs: Vec<usize> = (0..graph.pairs.len())
@@ -123,8 +123,10 @@ pub fn run(
         for (a, b) in keypoints.matches(graph, p) {
             sets.join(a, b);
         }
+        breath(observer).await;
     }
     let (start, members) = group(&mut sets, keypoints.len());
+    breath(observer).await;
     let consistent = |set: &[u32]| keypoints.is_consistent(set, options.max_intra_image_distance_px);
 
     let mut tracks = Tracks { start: vec![0], ..Tracks::default() };
@@ -140,6 +142,7 @@ pub fn run(
             tracks.push(set.iter().map(|&k| keypoints.observation(k)));
         }
     }
+    breath(observer).await;
     let split = match options.conflicts {
         Conflicts::Drop => false,
         Conflicts::Split => true,

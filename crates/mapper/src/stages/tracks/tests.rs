@@ -4,6 +4,8 @@ use std::sync::Arc;
 
 use epipole_scene::{Pair, PairConfig, ViewImage};
 
+use epipole_optimize::executor::block_on;
+
 use super::*;
 use crate::event::Silent;
 
@@ -32,7 +34,8 @@ fn graph(num_images: usize, num_keypoints: usize, matches: &[(usize, usize, &[[u
 
 fn tracks(graph: &ViewGraph, options: &Options) -> Vec<Vec<(u32, u32)>> {
     let component = vec![true; graph.images.len()];
-    let tracks = run(graph, &component, &vec![true; graph.pairs.len()], options, &mut Silent).unwrap();
+    let all = vec![true; graph.pairs.len()];
+    let tracks = block_on(run(graph, &component, &all, options, &mut Silent)).unwrap();
     let of = |t| tracks.observations_of(t).iter().map(|o| (o.image, o.keypoint)).collect();
     (0..tracks.len()).map(of).collect()
 }
@@ -74,7 +77,7 @@ fn a_conflict_drops_the_whole_set_or_splits_it() {
 fn only_kept_pairs_of_the_component_count() {
     let graph = graph(4, 1, &[(0, 1, &[[0, 0]]), (1, 2, &[[0, 0]]), (2, 3, &[[0, 0]]), (0, 3, &[[0, 7]])]);
     let with = |component: &[bool], kept: &[bool]| {
-        run(&graph, component, kept, &Options::default(), &mut Silent).unwrap().observations.len()
+        block_on(run(&graph, component, kept, &Options::default(), &mut Silent)).unwrap().observations.len()
     };
     assert_eq!(with(&[true; 4], &[true; 4]), 4);
     assert_eq!(with(&[true, true, true, false], &[true; 4]), 3);

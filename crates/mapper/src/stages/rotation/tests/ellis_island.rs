@@ -78,7 +78,7 @@ fn no_worse_than_pycolmap() {
         return;
     }
     let graph = view_graph(folder);
-    let found = run(&graph, &Options::default(), &mut Silent).unwrap();
+    let found = epipole_optimize::executor::block_on(run(&graph, &Options::default(), &mut Silent)).unwrap();
     let component = &found.components[0];
     let truth = rows(&folder.join("gt.txt"));
     let truth_of = |image: usize| truth.iter().find(|r| r[0] as usize == image).map(|r| rotation(&r[1..]));

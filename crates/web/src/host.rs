@@ -1,0 +1,35 @@
+//! What the worker gives to a run: where messages go, time to read them, and the browser's decoder of photographs.
+
+use js_sys::Promise;
+use wasm_bindgen::prelude::{JsValue, wasm_bindgen};
+use web_sys::File;
+
+#[wasm_bindgen(typescript_custom_section)]
+const TYPES: &str = r#"
+/** What a run needs of its worker. */
+export interface Host {
+    /** Takes an event, a snapshot or where the run computes. */
+    send(kind: "event" | "snapshot" | "backend", value: any): void;
+    /** Kept when messages have been read and the run may go on. */
+    breathe(): Promise<void>;
+    /** A photograph without rotation, no side longer than `maxSide`, RGBA by rows. */
+    decode(file: File, maxSide: number): Promise<{ width: number, height: number, data: Uint8ClampedArray }>;
+}
+"#;
+
+#[wasm_bindgen]
+extern "C" {
+    /// `Host` of the section above.
+    #[wasm_bindgen(typescript_type = "Host")]
+    #[derive(Clone)]
+    pub type Host;
+
+    #[wasm_bindgen(method, catch)]
+    pub(crate) fn send(this: &Host, kind: &str, value: &JsValue) -> Result<(), JsValue>;
+
+    #[wasm_bindgen(method, catch)]
+    pub(crate) fn breathe(this: &Host) -> Result<Promise, JsValue>;
+
+    #[wasm_bindgen(method, catch)]
+    pub(crate) fn decode(this: &Host, file: &File, max_side: u32) -> Result<Promise, JsValue>;
+}

@@ -1,0 +1,85 @@
+//! A run of the pipeline in the tab.
+
+use std::collections::BTreeMap;
+
+use epipole_mapper::{Event, MapperError, Observer, Outcome, Settings, reconstruct};
+use epipole_scene::ViewGraph;
+use wasm_bindgen::prelude::{JsValue, wasm_bindgen};
+
+use crate::backend::{self, Chosen};
+use crate::control::Wish;
+use crate::error::Failure;
+use crate::host::Host;
+use crate::memory::{LIMIT_BYTES, predicted_bytes};
+use crate::observer::TabObserver;
+use crate::pictures::Decoded;
+use crate::session::{Answer, Model, Session, to_js};
+
+#[wasm_bindgen]
+impl Session {
+    /// Runs the pipeline. `settings` as a settings file has them; `backend` is `auto`, `gpu` or `cpu`. Returns the
+    /// report.
+    pub async fn solve(&self, settings: JsValue, backend: String, host: Host) -> Answer<JsValue> {
+        let name = &self.name;
+        let Some(graph) = &self.graph else {
+            return Err(Failure::new(name, "a model has no matches to solve", "drop a database.db").into());
+        };
+        check_memory(name, graph)?;
+        let settings: serde_json::Map<String, serde_json::Value> = serde_wasm_bindgen::from_value(settings)
+            .map_err(|e| Failure::new("settings", e, "write an object such as {\"preset\": \"fast\"}"))?;
+        let options = Settings(settings).resolve().map_err(|e| Failure::new("settings", e, ""))?;
+        self.wishes.set(Wish::GoOn);
+        let mut observer = TabObserver::new(self.wishes.clone(), self.deafness.clone(), host.clone());
+        let keypoints = graph.images.iter().map(|image| image.keypoints_px.len()).sum();
+        let Chosen { mut engine, place } = backend::choose(&backend, keypoints).await?;
+        // A page that does not listen any more must not end the run.
+        let _ = host.send("backend", &to_js(&place)?);
+        let mut copy = graph.clone();
+        let depth_input = self.depths.attach(&mut copy, &options.depth, &mut observer).await?;
+        let mut warnings = Vec::new();
+        if let Some(input) = &depth_input {
+            warnings = input.complaints(graph.images.len());
+            let _ = host.send("event", &to_js(&serde_json::json!({ "event": "depth_input", "depth_input": input }))?);
+        }
+        for message in &warnings {
+            observer.event(&Event::Warning { message: message.clone() });
+        }
+        let mut decoded = Decoded { pictures: &self.pictures, host: host.clone() };
+        let images = (!self.pictures.is_empty()).then_some(&mut decoded as &mut _);
+        let run = reconstruct(copy, &options, &mut engine, images, &mut observer);
+        let Some(outcome) = self.wishes.unless_cancelled(run).await else {
+            return Err(Failure::new(name, "cancelled", "").into());
+        };
+        let Outcome { reconstructions, mut report } = outcome.map_err(|e| match e {
+            MapperError::Stopped => Failure::new(name, "stopped before any camera had a position", "let it run longer"),
+            e => Failure::new(name, e, ""),
+        })?;
+        report.depth_input = depth_input;
+        report.warnings.splice(0..0, warnings);
+        let places: BTreeMap<u32, usize> = graph.images.iter().enumerate().map(|(k, image)| (image.id, k)).collect();
+        let place = |image: &epipole_scene::Image| places.get(&image.id).copied().unwrap_or(0);
+        let models = reconstructions.into_iter().map(|reconstruction| Model {
+            graph_image: reconstruction.images.iter().map(place).collect(),
+            reconstruction,
+        });
+        self.models.replace(models.collect());
+        let answer = to_js(&report)?;
+        self.report.replace(Some(report));
+        let _ = host.send("snapshot", &self.snapshot()?);
+        Ok(answer)
+    }
+}
+
+/// A scene that cannot fit is refused before it takes the tab down.
+fn check_memory(name: &str, graph: &ViewGraph) -> Result<(), Failure> {
+    let predicted = predicted_bytes(graph);
+    if predicted <= LIMIT_BYTES {
+        return Ok(());
+    }
+    let message = format!(
+        "solving it would take about {:.1} GB of memory and a tab has {:.1} GB",
+        predicted / 1e9,
+        LIMIT_BYTES / 1e9
+    );
+    Err(Failure::new(name, message, "use the command line: epipole reconstruct"))
+}
