@@ -19,7 +19,7 @@ export class Session {
    * @param {import("./store.js").Store} store @param {import("./engine/client.js").Engine} engine
    * @param {import("./inputs/pictures.js").Pictures} pictures
    * @param {{ reading: (text: string, done?: number, total?: number) => void, draw: (snapshot: Snapshot) => void, cleared: () => void,
-   *   began: () => void, ended: (text: string, complete: boolean) => void, say: (text: string, kind?: "plain"|"fair"|"bad") => void,
+   *   began: (isModel: boolean) => void, ended: (text: string, complete: boolean) => void, say: (text: string, kind?: "plain"|"fair"|"bad") => void,
    *   picturesChanged: () => void, settings: (settings: Record<string, any>) => void }} on
    */
   constructor(store, engine, pictures, on) {
@@ -121,7 +121,7 @@ export class Session {
     this.cancelled = false;
     // Every database is called database.db: its folder tells them apart.
     if (opened.kind === "database") opened.name = entries[0].path.split("/").slice(-2).join("/");
-    this.store.set({ opened, phase: "ready" });
+    this.store.set({ opened, report: opened.report ?? null, phase: "ready" });
     if (this.early) this.snapshot(this.early);
     this.early = null;
     for (const warning of opened.warnings) this.on.say(warning, "fair");
@@ -174,23 +174,33 @@ export class Session {
   async solve(choice) {
     const mine = this.scene;
     const { opened } = this.store.state;
-    if (!opened || opened.kind !== "database" || this.running) return;
+    if (!opened || this.running) return;
     this.cancelled = false;
-    this.on.cleared();
-    this.store.set({ phase: "running", report: null, problems: [], selection: { kind: "none" }, seenBy: [], component: null, placed: new Set(), imageFilter: "all" });
-    this.on.began();
+    // A model is refined where it stands; a database begins with nothing.
+    const isModel = opened.kind === "model";
+    const { report: before } = this.store.state;
+    if (!isModel) this.on.cleared();
+    this.store.set({ phase: "running", report: null, problems: [], selection: { kind: "none" }, seenBy: [], component: null, imageFilter: "all", ...(isModel ? {} : { placed: new Set() }) });
+    this.on.began(isModel);
     try {
-      const report = await this.engine.ask({ type: "solve", ...choice });
+      const report = await this.engine.ask({ type: isModel ? "refine" : "solve", ...choice });
       if (mine !== this.scene) return;
       this.store.set({ report, phase: "done" });
-      this.on.ended(`${report.stopped ? "Stopped: " : ""}${count(report.num_registered)} of ${plural(report.num_images, "image")} placed.`, !report.stopped);
+      this.on.ended(isModel ? `Refined${report.stopped ? " as far as it got" : ""}.` : `${report.stopped ? "Stopped: " : ""}${count(report.num_registered)} of ${plural(report.num_images, "image")} placed.`, !report.stopped);
       for (const warning of report.warnings) this.on.say(warning, "fair");
     } catch (error) {
       if (mine !== this.scene) return;
       if (this.cancelled) this.on.say("Cancelled.");
       else this.refuse(error, opened.name);
-      this.on.cleared();
-      if (this.store.state.opened) this.store.set({ phase: "ready", placed: new Set() });
+      if (isModel) {
+        this.cancelled = false;
+        this.store.set({ phase: "ready", report: before });
+        this.on.ended("", false);
+        await this.engine.ask({ type: "snapshot" });
+      } else {
+        this.on.cleared();
+        if (this.store.state.opened) this.store.set({ phase: "ready", placed: new Set() });
+      }
     }
     if (this.late && mine === this.scene) await this.sendPictures();
   }

@@ -110,12 +110,13 @@ export class Engine {
     }
     const answer = this.post(command, transfer);
     this.answers.add(answer);
-    if (command.type === "solve") this.solving = true;
+    const solves = command.type === "solve" || command.type === "refine";
+    if (solves) this.solving = true;
     try {
       return await answer;
     } finally {
       this.answers.delete(answer);
-      if (command.type === "solve") this.solving = false;
+      if (solves) this.solving = false;
     }
   }
 

@@ -14,6 +14,7 @@
  * @property {number} bytes of the file
  * @property {number} predictedBytes what a solve will need
  * @property {string[]} warnings
+ * @property {Report} [report] what there is to say of a model
  *
  * A refusal: which file, why, what to do.
  * @typedef {{ file: string, message: string, hint: string }} Failure
@@ -61,6 +62,8 @@
  *   | { type: "pictures", entries: Entry[] }
  *   | { type: "depths", entries: Entry[] }
  *   | { type: "solve", settings: Record<string, any>, backend: "auto"|"gpu"|"cpu" }
+ *   | { type: "refine", settings: Record<string, any>, backend: "auto"|"gpu"|"cpu" }
+ *   | { type: "snapshot" }
  *   | { type: "keypoints", image: number }
  *   | { type: "matches", image: number, other: number }
  *   | { type: "residuals", image: number }

@@ -48,6 +48,18 @@ function fresh() {
   control = null;
 }
 
+/** @param {"solve"|"refine"} what @param {Record<string, any>} settings @param {"auto"|"gpu"|"cpu"} [backend] */
+async function run(what, settings, backend = "auto") {
+  paused = false;
+  control = session.control();
+  try {
+    return await session[what](settings, backend, { send, breathe, decode });
+  } finally {
+    control.free();
+    control = null;
+  }
+}
+
 /** @type {Record<string, (command: any) => any>} */
 const commands = {
   open({ entries }) {
@@ -57,7 +69,7 @@ const commands = {
       const folder = list[0].path.split("/").slice(0, -1).join("/") || "model";
       const opened = session.openModel(folder, list.map(({ path }) => path), list.map(({ file }) => file));
       send("snapshot", session.snapshot());
-      return opened;
+      return { ...opened, report: session.modelReport() };
     }
     const wal = list.find(({ path }) => path.endsWith("-wal"));
     return session.openDatabase(list[0].path, list[0].file, wal?.file);
@@ -68,16 +80,9 @@ const commands = {
   depths({ entries }) {
     for (const { path, file } of /** @type {Entry[]} */ (entries)) session.addDepth(path, file);
   },
-  async solve({ settings, backend }) {
-    paused = false;
-    control = session.control();
-    try {
-      return await session.solve(settings, backend ?? "auto", { send, breathe, decode });
-    } finally {
-      control.free();
-      control = null;
-    }
-  },
+  solve: ({ settings, backend }) => run("solve", settings, backend),
+  refine: ({ settings, backend }) => run("refine", settings, backend),
+  snapshot: () => send("snapshot", session.snapshot()),
   keypoints: ({ image }) => session.keypoints(image),
   residuals: ({ image }) => session.residuals(image),
   matches: ({ image, other }) => session.matches(image, other),

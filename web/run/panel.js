@@ -38,7 +38,7 @@ export function runPanel(panel, store, engine, on) {
 
   /** The main action changes with the state. */
   function actions() {
-    const { phase, opened, report } = store.state;
+    const { phase, opened } = store.state;
     const canSolve = opened?.kind === "database";
     const focused = footer.contains(document.activeElement);
     /** @type {[string, (() => void)|null]} */
@@ -54,15 +54,15 @@ export function runPanel(panel, store, engine, on) {
     const going = phase === "running" || phase === "paused";
     hide(pause, !going);
     pause.textContent = phase === "paused" ? "Go on" : "Pause";
-    hide(second, !(going || (phase === "done" && canSolve)));
-    second.textContent = going ? "Cancel" : "Solve again";
+    hide(second, !(going || phase === "done" || (phase === "ready" && opened !== null && !canSolve)));
+    second.textContent = going ? "Cancel" : canSolve ? "Solve again" : phase === "done" ? "Refine again" : "Refine";
     second.onclick = going ? on.cancel : solve;
-    hide(stages.node, !(going || phase === "stopping" || report !== null));
+    hide(stages.node, !(going || phase === "stopping" || phase === "done"));
     hide(advice, going || phase === "stopping" || phase === "opening" || phase === "done");
-    hide(chosen, !(phase === "empty" || (canSolve && (phase === "ready" || phase === "done"))));
+    hide(chosen, !(phase === "empty" || phase === "ready" || phase === "done"));
     if (opened) {
       advice.textContent = canSolve ? `${bytes(opened.bytes)} opened. Solving takes about ${bytes(opened.predictedBytes)} of memory and happens in this tab.`
-        : `A finished model of ${bytes(opened.bytes)}: look at it, filter it, download it in another format.`;
+        : `A finished model of ${bytes(opened.bytes)}: look at it, refine it (one bundle adjustment), filter it, download it in another format.`;
     } else advice.textContent = "Stages, plots and the model to download appear here.";
     choiceText.textContent = describe(choice);
     // The button just pressed means something else now: a second press must not undo what the first began.
@@ -114,8 +114,9 @@ export function runPanel(panel, store, engine, on) {
       if (event.event === "iteration") charts.iteration(event, (NAMES.get(event.stage) ?? event.stage).toLowerCase());
     },
     shown: charts.shown,
-    begin() {
-      stages.reset();
+    /** @param {boolean} isModel refined, not solved */
+    begin(isModel) {
+      stages.reset(isModel ? ["refine"] : undefined);
       charts.reset();
       note.textContent = "";
     },

@@ -37,17 +37,25 @@ export function stageList() {
   let paused = 0;
   let pausedAt = 0;
 
-  const progress = () => Math.min(1, before + within);
+  /** Stages of this run, and what their shares come to. */
+  let shown = STAGES.map(([id]) => id);
+  let total = 1;
+  const sum = (/** @type {(keyof typeof SHARE)[]} */ ids) => ids.reduce((all, id) => all + SHARE[id], 0);
+  const progress = () => Math.min(1, (before + within) / total);
 
   return {
     node,
-    reset() {
-      for (const { node: item, label, time, name } of items.values()) {
+    /** @param {string[]} [only] stages that this run has; all, if not given */
+    reset(only) {
+      for (const [id, { node: item, label, time, name }] of items) {
+        hide(item, only !== undefined && !only.includes(id));
         item.dataset.state = "waiting";
         label.textContent = name;
         time.textContent = "";
         item.title = "";
       }
+      shown = STAGES.map(([id]) => id).filter((id) => only === undefined || only.includes(id));
+      total = sum(shown);
       spent.clear();
       [before, within, began, paused, pausedAt] = [0, 0, performance.now(), 0, 0];
       bar.value = 0;
@@ -77,8 +85,7 @@ export function stageList() {
       if (event.event === "stage_started") {
         item.node.dataset.state = "running";
         // Later components go through the same stages again: the bar does not go back.
-        const index = STAGES.findIndex(([id]) => id === event.stage);
-        before = Math.max(before, STAGES.slice(0, index).reduce((sum, [id]) => sum + SHARE[id], 0));
+        before = Math.max(before, sum(shown.slice(0, Math.max(0, shown.findIndex((id) => id === event.stage)))));
         within = 0;
         now.textContent = `${item.name}${event.component > 0 ? ` of model ${event.component + 1}` : ""}`;
         item.time.textContent = "";

@@ -31,11 +31,12 @@ impl Session {
         self.of_image(image, query::residuals)
     }
 
-    /// Verified matches, five numbers each: x, y here, x, y there, 1.
+    /// Verified matches, or the common points of a model, five numbers each: x, y here, x, y there, 1.
     pub fn matches(&self, image: usize, other: usize) -> Vec<f32> {
         match &self.graph {
             Some(graph) if image.max(other) < graph.images.len() => query::matches(graph, image, other),
-            _ => Vec::new(),
+            Some(_) => Vec::new(),
+            None => self.of_image(image, |model, _| query::common_points(model, image, other)),
         }
     }
 

@@ -14,6 +14,7 @@ mod error;
 mod export;
 mod host;
 mod memory;
+mod model;
 mod observer;
 mod opened;
 mod panic;

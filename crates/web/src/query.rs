@@ -1,6 +1,6 @@
 //! What the page asks about one image, pair or point.
 
-use epipole_scene::{Reconstruction, ViewGraph};
+use epipole_scene::{Observation, Point, Reconstruction, ViewGraph};
 use serde::Serialize;
 
 /// x, y of every keypoint.
@@ -33,6 +33,19 @@ pub(crate) fn matches(graph: &ViewGraph, image: usize, other: usize) -> Vec<f32>
             let (a, b) = if image == low { (a, b) } else { (b, a) };
             [a.x as f32, a.y as f32, b.x as f32, b.y as f32, 1.0]
         })
+        .collect()
+}
+
+/// The points of a model that two of its images see, like [`matches`].
+pub(crate) fn common_points(model: &Reconstruction, image: usize, other: usize) -> Vec<f32> {
+    let keypoint = |o: &Observation| model.images[o.image as usize].keypoints_px[o.keypoint as usize];
+    let seen_by =
+        |point: &Point, image: usize| point.observations.iter().find(|o| o.image as usize == image).map(keypoint);
+    model
+        .points
+        .iter()
+        .filter_map(|point| seen_by(point, image).zip(seen_by(point, other)))
+        .flat_map(|(a, b)| [a.x as f32, a.y as f32, b.x as f32, b.y as f32, 1.0])
         .collect()
 }
 

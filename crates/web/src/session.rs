@@ -6,6 +6,7 @@ use std::rc::Rc;
 
 use epipole_formats::{FormatWarning, ReadOptions, read_model_files, read_ranged_database};
 use epipole_mapper::Report;
+use epipole_scene::statistics::update_point_errors;
 use epipole_scene::{Reconstruction, ViewGraph};
 use wasm_bindgen::prelude::{JsValue, wasm_bindgen};
 use web_sys::File;
@@ -104,7 +105,9 @@ impl Session {
             let content = tab_file(&name, file)?.read().map_err(|e| Failure::new(&name, e, "drop the files again"))?;
             read.push((base(&name).to_owned(), content));
         }
-        let loaded = read_model_files(Path::new(folder), &read).map_err(|e| Failure::format(folder, &e))?;
+        let mut loaded = read_model_files(Path::new(folder), &read).map_err(|e| Failure::format(folder, &e))?;
+        // The files may have been written by anybody: the errors are those of this model.
+        update_point_errors(&mut loaded.value);
         let answer = opened::model(folder, &loaded.value, texts(&loaded.warnings), bytes)?;
         let graph_image = (0..loaded.value.images.len()).collect();
         self.name = folder.to_owned();
