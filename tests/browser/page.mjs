@@ -59,12 +59,17 @@ export async function open({ gpu = false, width = 1440, height = 880, theme = "d
 
 /** In the page, before its own scripts: long tasks of its thread, and what its workers say and when. */
 function watch() {
-  const watched = { longTasks: [], messages: [], workers: [], engineReady: null };
+  const watched = { longTasks: [], messages: [], workers: [], engineReady: null, engine: null };
   Reflect.set(globalThis, "watched", watched);
   new PerformanceObserver((list) => watched.longTasks.push(...list.getEntries().map(({ startTime, duration }) => ({ startTime, duration }))))
     .observe({ type: "longtask", buffered: true });
   const Plain = globalThis.Worker;
   globalThis.Worker = class extends Plain {
+    terminate() {
+      if (watched.engine === this) watched.engine = null;
+      super.terminate();
+    }
+
     constructor(address, options) {
       super(address, options);
       watched.workers.push(this);
@@ -248,17 +253,23 @@ export async function wasmBytes(page) {
 
 /** Asks the engine's worker as the page does; with how long the answer took. @param {Page} page @param {Record<string, any>} command */
 export async function ask(page, command) {
-  return page.evaluate((command) => new Promise((resolve) => {
-    const { engine } = globalThis.watched;
-    // The page counts from zero: a negative id is nobody's.
-    const id = -1 - Math.floor(Math.random() * 1e9);
-    const start = performance.now();
-    const listen = ({ data }) => {
-      if (data?.id !== id) return;
-      engine.removeEventListener("message", listen);
-      resolve({ value: data.value, failure: data.failure, ms: performance.now() - start });
-    };
-    engine.addEventListener("message", listen);
-    engine.postMessage({ id, ...command });
-  }), command);
+  // The page ends its engine with a scene that it gives up and starts another, which an unlucky question falls between.
+  for (let left = 2; ; left -= 1) {
+    await page.waitForFunction(() => globalThis.watched.engine, undefined, { timeout: 20_000 });
+    const answer = await page.evaluate((command) => new Promise((resolve) => {
+      const { engine } = globalThis.watched;
+      // The page counts from zero: a negative id is nobody's.
+      const id = -1 - Math.floor(Math.random() * 1e9);
+      const start = performance.now();
+      const listen = ({ data }) => {
+        if (data?.id !== id) return;
+        engine.removeEventListener("message", listen);
+        resolve({ value: data.value, failure: data.failure, ms: performance.now() - start });
+      };
+      engine.addEventListener("message", listen);
+      engine.postMessage({ id, ...command });
+      setTimeout(() => resolve(engine === globalThis.watched.engine ? { ms: Infinity } : null), 10_000);
+    }), command);
+    if (answer || left === 0) return answer;
+  }
 }

@@ -10,8 +10,9 @@ use clap::Args;
 
 use crate::error::Error;
 use crate::process::{self, cargo, output, root, run_within, target_dir};
+use crate::serve::Server;
 use crate::shaders::{self, WITH_GPU};
-use crate::{serve, web};
+use crate::web;
 
 /// Everything at once on two cores; beyond this a browser hangs.
 const LIMIT: Duration = Duration::from_secs(900);
@@ -47,10 +48,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Error> {
     let out = target_dir().join("browser");
     fs::create_dir_all(&out).map_err(|source| Error::Io { path: out.clone(), source })?;
     let specs = specs(&arguments.specs)?;
-    let server = serve::listen(0)?;
+    let server = Server::new(0)?;
     let mut node = Command::new("node");
     node.args(["--test", "--test-concurrency=1", "--test-reporter=spec"]).args(specs);
-    node.env("EPIPOLE_PAGE", format!("http://{}/", server.server_addr()));
+    node.env("EPIPOLE_PAGE", format!("http://{}/", server.address));
     node.env("EPIPOLE_CHROMIUM", chromium).env("EPIPOLE_OUT", &out);
     node.env("EPIPOLE_PROGRAM", target_dir().join("debug/epipole"));
     node.env("EPIPOLE_FIXTURES", target_dir().join("debug/epipole-fixtures"));
@@ -62,14 +63,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Error> {
         node.env("EPIPOLE_PICTURE", root().join("docs/page.png"));
     }
     thread::scope(|scope| {
-        for _ in 0..serve::THREADS {
-            scope.spawn(|| serve::answer_all(&server));
-        }
+        scope.spawn(|| server.answer());
         let advice = "what the page looked like is in the folder `browser` of the target folder";
         let result = run_within(&mut node, LIMIT, advice);
-        for _ in 0..serve::THREADS {
-            server.unblock();
-        }
+        server.end();
         result
     })
 }

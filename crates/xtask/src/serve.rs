@@ -1,11 +1,14 @@
 //! `cargo xtask serve`: builds the page and serves it, to this machine only.
 
-use std::fs::File;
+use std::fs;
+use std::io::{self, BufRead, BufReader, Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::path::{Component, Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
+use std::time::Duration;
 
 use clap::Args;
-use tiny_http::{Header, Method, Request, Response, Server, StatusCode};
 
 use crate::error::Error;
 use crate::process::root;
@@ -23,55 +26,93 @@ pub(crate) struct Arguments {
     build: web::Arguments,
 }
 
-/// Requests answered at once: a browser opens six connections.
-pub(crate) const THREADS: usize = 6;
+/// Browsers open connections ahead of need; one that says nothing for so long is let go.
+const PATIENCE: Duration = Duration::from_secs(20);
+/// Request and headers of a browser are a kilobyte or two.
+const MAX_HEAD_BYTES: u64 = 65_536;
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Error> {
     if !arguments.no_build {
         web::build(&arguments.build)?;
     }
-    let server = listen(arguments.port)?;
-    println!("Epipole is at http://{}", server.server_addr());
-    thread::scope(|scope| {
-        for _ in 0..THREADS {
-            scope.spawn(|| answer_all(&server));
-        }
-    });
+    let server = Server::new(arguments.port)?;
+    println!("Epipole is at http://{}", server.address);
+    server.answer();
     Ok(())
 }
 
-/// A server on this machine's own address; port 0 takes a free one.
-pub(crate) fn listen(port: u16) -> Result<Server, Error> {
-    Server::http(("127.0.0.1", port))
-        .map_err(|e| Error::Missing(format!("port {port} cannot be used: {e}; choose another with --port")))
+/// Files of the page for this machine's own browser. A thread a connection and a connection a request: nobody waits for
+/// anybody, which servers with a pool of threads cannot say of browsers that open connections ahead.
+pub(crate) struct Server {
+    listener: TcpListener,
+    /// Where it listens.
+    pub(crate) address: SocketAddr,
+    is_over: AtomicBool,
 }
 
-/// Answers until the server is unblocked; any number of threads may.
-pub(crate) fn answer_all(server: &Server) {
-    while let Ok(request) = server.recv() {
-        // A browser that went away is nobody's mistake.
-        let _ = answer(request);
+impl Server {
+    /// Listens on this machine's own address; port 0 takes a free one.
+    pub(crate) fn new(port: u16) -> Result<Self, Error> {
+        let bind = || {
+            let listener = TcpListener::bind(("127.0.0.1", port))?;
+            let address = listener.local_addr()?;
+            Ok(Self { listener, address, is_over: AtomicBool::new(false) })
+        };
+        bind().map_err(|e: io::Error| {
+            Error::Missing(format!("port {port} cannot be used: {e}; choose another with --port"))
+        })
+    }
+
+    /// Answers until [`Self::end`].
+    pub(crate) fn answer(&self) {
+        thread::scope(|scope| {
+            for stream in self.listener.incoming() {
+                if self.is_over.load(Ordering::Relaxed) {
+                    break;
+                }
+                // A browser that went away is nobody's mistake.
+                let _ = stream.map(|stream| scope.spawn(move || answer(stream)));
+            }
+        });
+    }
+
+    /// Lets [`Self::answer`] return.
+    pub(crate) fn end(&self) {
+        self.is_over.store(true, Ordering::Relaxed);
+        // It looks up at the next connection.
+        let _ = TcpStream::connect(self.address);
     }
 }
 
-fn answer(request: Request) -> std::io::Result<()> {
-    let refuse = |request: Request, code: u16| request.respond(Response::empty(StatusCode(code)));
-    if !matches!(request.method(), Method::Get | Method::Head) {
-        return refuse(request, 405);
-    }
-    let Some(path) = local(request.url()) else { return refuse(request, 404) };
-    let Ok(file) = File::open(&path) else { return refuse(request, 404) };
-    let header = |name: &str, value: &str| Header::from_bytes(name, value);
-    let mut response = Response::from_file(file);
-    // A page that is being worked on must not come from a cache.
-    for (name, value) in
-        [("Content-Type", kind(&path)), ("Cache-Control", "no-cache"), ("X-Content-Type-Options", "nosniff")]
-    {
-        if let Ok(header) = header(name, value) {
-            response.add_header(header);
+fn answer(mut stream: TcpStream) -> io::Result<()> {
+    stream.set_read_timeout(Some(PATIENCE))?;
+    stream.set_write_timeout(Some(PATIENCE))?;
+    let mut lines = BufReader::new(stream.try_clone()?.take(MAX_HEAD_BYTES)).lines();
+    let Some(request) = lines.next().transpose()? else { return Ok(()) };
+    // Headers say nothing that matters here; unread, closing the connection would throw the answer away.
+    for line in lines {
+        if line?.is_empty() {
+            break;
         }
     }
-    request.respond(response)
+    let mut words = request.split_whitespace();
+    let (method, url) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
+    let (status, kind, body) = match (method, local(url)) {
+        ("GET" | "HEAD", Some(path)) => ("200 OK", kind(&path), fs::read(&path)?),
+        ("GET" | "HEAD", None) => ("404 Not Found", "text/plain", Vec::new()),
+        _ => ("405 Method Not Allowed", "text/plain", Vec::new()),
+    };
+    // A page that is being worked on must not come from a cache.
+    let head = format!(
+        "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {}\r\nCache-Control: no-cache\r\n\
+         X-Content-Type-Options: nosniff\r\nConnection: close\r\n\r\n",
+        body.len()
+    );
+    stream.write_all(head.as_bytes())?;
+    if method != "HEAD" {
+        stream.write_all(&body)?;
+    }
+    stream.flush()
 }
 
 /// The file of an address: the page, its modules, nothing else of this machine.
@@ -98,6 +139,31 @@ fn kind(path: &Path) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_silent_connection_holds_nobody_up() {
+        let server = Server::new(0).expect("a free port");
+        thread::scope(|scope| {
+            scope.spawn(|| server.answer());
+            let silent: Vec<TcpStream> =
+                (0..16).map(|_| TcpStream::connect(server.address).expect("a connection")).collect();
+            for (request, status) in [
+                ("GET / HTTP/1.1\r\nHost: a\r\n\r\n", "200"),
+                ("GET /Cargo.toml HTTP/1.1\r\n\r\n", "404"),
+                ("POST / HTTP/1.1\r\n\r\n", "405"),
+                ("\r\n\r\n", "405"),
+            ] {
+                let mut stream = TcpStream::connect(server.address).expect("a connection");
+                stream.set_read_timeout(Some(Duration::from_secs(5))).expect("a limit");
+                stream.write_all(request.as_bytes()).expect("sent");
+                let mut answer = String::new();
+                stream.read_to_string(&mut answer).expect("an answer in time");
+                assert!(answer.starts_with(&format!("HTTP/1.1 {status}")), "{request}: {answer}");
+            }
+            drop(silent);
+            server.end();
+        });
+    }
 
     #[test]
     fn only_the_page_is_served() {
