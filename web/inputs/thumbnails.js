@@ -139,6 +139,8 @@ export function thumbnails(store, pictures, keypoints, on) {
   function restart() {
     for (const cell of cells.values()) cell.remove();
     cells = new Map();
+    // What it names has gone with them.
+    grid.removeAttribute("aria-activedescendant");
     later();
   }
 
