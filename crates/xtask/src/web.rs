@@ -1,9 +1,9 @@
 //! `cargo xtask web`: the engine as WebAssembly with what the page needs beside it, and how large it is.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
+use std::{env, fs};
 
 use clap::Args;
 
@@ -19,7 +19,7 @@ const NPM_LIMIT: Duration = Duration::from_secs(180);
 const CLANGS: [(&str, &str); 4] =
     [("clang-19", "llvm-ar-19"), ("clang-18", "llvm-ar-18"), ("clang-16", "llvm-ar-16"), ("clang", "llvm-ar")];
 /// Every browser with WebGPU has it, and those without since 2021 or 2023 (Safari 16.4).
-const RUSTFLAGS: &str = "-Ctarget-feature=+simd128";
+const FEATURES: &str = "-Ctarget-feature=+simd128";
 /// For link-time optimisation only: it sees all crates at once and would inline what their own builds left apart. At LLVM's 225
 /// the module is a tenth larger and not faster.
 const LINK_FLAGS: &str = "-Cllvm-args=-inline-threshold=5 -inlinehint-threshold=100";
@@ -60,7 +60,8 @@ pub(crate) fn build(arguments: &Arguments) -> Result<(), Error> {
     build.args(["--", LINK_FLAGS]);
     build.env("CC_wasm32_unknown_unknown", clang).env("AR_wasm32_unknown_unknown", archiver);
     // Flags of the native build must not leak into this one.
-    build.env_remove("RUSTFLAGS").env("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUSTFLAGS", RUSTFLAGS);
+    let flags: Vec<String> = [FEATURES.to_string()].into_iter().chain(anonymous_sources()).collect();
+    build.env_remove("RUSTFLAGS").env("CARGO_ENCODED_RUSTFLAGS", flags.join("\x1f"));
     build.env("SQLITE_WASM_RS_FLAGS", SQLITE_FLAGS);
     run(&mut build, "")?;
     let folder = vendor();
@@ -83,6 +84,15 @@ pub(crate) fn build(arguments: &Arguments) -> Result<(), Error> {
         fs::rename(&small, &wasm).map_err(|source| Error::Io { path: wasm.clone(), source })?;
     }
     report()
+}
+
+/// Panics name their file: without where this machine keeps the crates, so that every machine makes the same module.
+fn anonymous_sources() -> Vec<String> {
+    let home = env::var("CARGO_HOME").unwrap_or_else(|_| format!("{}/.cargo", env::var("HOME").unwrap_or_default()));
+    let registries = fs::read_dir(Path::new(&home).join("registry/src")).into_iter().flatten().flatten();
+    let mut folders: Vec<String> = registries.map(|folder| folder.path().display().to_string()).collect();
+    folders.sort();
+    folders.into_iter().map(|folder| format!("--remap-path-prefix={folder}/=")).collect()
 }
 
 fn copy(from: &Path, to: &Path) -> Result<(), Error> {
