@@ -3,7 +3,7 @@
 #import "bundle/types.wgsl"
 #import "bundle/row.wgsl"
 #import "bundle/modes.wgsl"
-#import "bundle/vectors.wgsl"
+#import "bundle/store_unit.wgsl"
 #import "bundle/block_sums.wgsl"
 #import "common/tree.wgsl"
 
@@ -24,13 +24,7 @@ fn load(which: u32, unit: u32) -> Unit {
 }
 
 fn store(which: u32, unit: u32, value: Unit) {
-    let at = section(which, params.images + params.cameras) + UNIT_VEC4 * unit;
-    vectors[at] = value.a;
-    vectors[at + 1u] = value.b;
-#if wide
-    vectors[at + 2u] = value.c;
-    vectors[at + 3u] = value.d;
-#endif
+    store_unit(section(which, params.images + params.cameras), unit, value);
 }
 
 // Rows begin..begin + 4 of an inverse times the pose and camera parts of a vector.
@@ -154,13 +148,7 @@ fn solve_coarse(lane: u32) {
         let exact = exact_at(params.images, params.cameras, params.big_cameras);
         let unit = params.images + topology[exact + 2u + lane];
         let r = multiply_units(load(RESIDUAL, unit), inverse_scale(unit));
-        let row = coarse_at() + 2u * clusters + UNIT_VEC4 * lane;
-        vectors[row] = r.a;
-        vectors[row + 1u] = r.b;
-#if wide
-        vectors[row + 2u] = r.c;
-        vectors[row + 3u] = r.d;
-#endif
+        store_unit(coarse_at() + 2u * clusters, lane, r);
     }
     storageBarrier();
     for (var quad = lane; quad < 2u * rows; quad += LANES) {

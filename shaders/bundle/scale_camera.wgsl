@@ -4,7 +4,7 @@
 #import "common/dispatch.wgsl"
 #import "bundle/row.wgsl"
 #import "bundle/topology.wgsl"
-#import "bundle/vectors.wgsl"
+#import "bundle/store_unit.wgsl"
 
 // As on the CPU: fewer observations do not fix a pose.
 const MIN_OBSERVATIONS = 6.0;
@@ -21,16 +21,6 @@ const MIN_OBSERVATIONS = 6.0;
 fn scale_of(free: vec4f, squares: vec4f, prior: vec4f, enough: bool) -> vec4f {
     let kept = select(vec4f(), squares + prior, (prior > vec4f()) | vec4<bool>(enough));
     return free * select(vec4f(), inverseSqrt(max(kept, vec4f(1e-30))), kept > vec4f(1e-30));
-}
-
-fn put(start: u32, unit: u32, value: Unit) {
-    let at = start + UNIT_VEC4 * unit;
-    vectors[at] = value.a;
-    vectors[at + 1u] = value.b;
-#if wide
-    vectors[at + 2u] = value.c;
-    vectors[at + 3u] = value.d;
-#endif
 }
 
 @compute @workgroup_size(64)
@@ -83,7 +73,7 @@ fn scale_camera(
     scale.c = scale_of(free.c, squares.c, diagonal.c, enough);
     scale.d = scale_of(free.d, squares.d, diagonal.d, enough);
 #endif
-    put(section(SCALE, units), unit, scale);
-    put(section(PRIOR_DIAGONAL, units), unit, multiply_units(multiply_units(scale, scale), diagonal));
-    put(section(PRIOR_GRADIENT, units), unit, multiply_units(scale, gradient));
+    store_unit(section(SCALE, units), unit, scale);
+    store_unit(section(PRIOR_DIAGONAL, units), unit, multiply_units(multiply_units(scale, scale), diagonal));
+    store_unit(section(PRIOR_GRADIENT, units), unit, multiply_units(scale, gradient));
 }

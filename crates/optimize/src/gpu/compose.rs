@@ -75,6 +75,7 @@ shaders![
     "bundle/segment_tree.wgsl",
     "bundle/sight.wgsl",
     "bundle/step_camera.wgsl",
+    "bundle/store_unit.wgsl",
     "bundle/topology.wgsl",
     "bundle/trial.wgsl",
     "bundle/types.wgsl",
