@@ -3,45 +3,17 @@
 
 mod common;
 
+use common::device::{device, on_gpu, tight};
 use epipole_geometry::Rigid3;
 use epipole_geometry::camera::CameraModel;
 use epipole_optimize::active::Activation;
 use epipole_optimize::bundle::gpu::{GpuSystem, Residency};
 use epipole_optimize::bundle::{self, Options, ParamPrior, PoseFreedom, Problem};
-use epipole_optimize::gpu::{Device, GpuError, Limits};
-use epipole_optimize::lm::{IterationRecord, LmOptions, LmReport, Observer, Termination, minimize};
+use epipole_optimize::gpu::{Device, GpuError};
+use epipole_optimize::lm::{IterationRecord, LmOptions, Observer, Termination, minimize};
 use epipole_optimize::{Loss, OptimizeError};
 use glam::{DVec2, DVec3};
 use pollster::block_on;
-
-/// A device under WebGPU's default limits, or `None` with a loud line.
-fn device() -> Option<Device> {
-    match block_on(Device::open(Limits::Default)) {
-        Ok(device) => {
-            println!("on {}", device.description());
-            Some(device)
-        }
-        Err(error @ GpuError::NoAdapter { .. }) => {
-            println!("SKIPPED, nothing was tested: {error}");
-            None
-        }
-        Err(error) => panic!("{error}"),
-    }
-}
-
-fn tight(activation: Activation) -> Options {
-    let lm = LmOptions { max_iterations: 60, relative_decrease_tolerance: 1e-7, ..LmOptions::default() };
-    Options { lm, activation, ..Options::default() }
-}
-
-fn on_gpu(device: &Device, problem: &mut Problem, options: &Options) -> LmReport {
-    let report = block_on(bundle::gpu::solve(device, problem, options, &mut ())).expect("a good problem");
-    println!(
-        "{:.7e}, {} iterations, {} rejected, {} products, {:?}",
-        report.final_cost, report.iterations, report.rejected, report.inner_iterations, report.termination
-    );
-    report
-}
 
 /// The cost that `f64` reaches on the CPU.
 fn optimum(problem: &Problem, options: &Options) -> f64 {

@@ -3,6 +3,7 @@
 
 mod common;
 
+use common::device::{device, on_gpu, tight};
 use common::extraction::{assert_monotone, clean, out_of_sight};
 use common::metric::{depths, resize, scale, uneven_depths, wide};
 use common::{Scene, perturb, ring};
@@ -11,35 +12,8 @@ use epipole_optimize::Loss;
 use epipole_optimize::active::Activation;
 use epipole_optimize::bundle::gpu::{GpuSystem, Residency};
 use epipole_optimize::bundle::{self, Depth, Options, PoseFreedom, Problem};
-use epipole_optimize::gpu::{Device, GpuError, Limits};
-use epipole_optimize::lm::{LmOptions, LmReport, minimize};
+use epipole_optimize::lm::minimize;
 use pollster::block_on;
-
-/// A device under WebGPU's default limits, or `None` with a loud line.
-fn device() -> Option<Device> {
-    match block_on(Device::open(Limits::Default)) {
-        Ok(device) => Some(device),
-        Err(error @ GpuError::NoAdapter { .. }) => {
-            println!("SKIPPED, nothing was tested: {error}");
-            None
-        }
-        Err(error) => panic!("{error}"),
-    }
-}
-
-fn tight(activation: Activation) -> Options {
-    let lm = LmOptions { max_iterations: 60, relative_decrease_tolerance: 1e-7, ..LmOptions::default() };
-    Options { lm, activation, ..Options::default() }
-}
-
-fn on_gpu(device: &Device, problem: &mut Problem, options: &Options) -> LmReport {
-    let report = block_on(bundle::gpu::solve(device, problem, options, &mut ())).expect("a good problem");
-    println!(
-        "{:.7e}, {} iterations, {} rejected, {} products, {:?}",
-        report.final_cost, report.iterations, report.rejected, report.inner_iterations, report.termination
-    );
-    report
-}
 
 #[test]
 fn exact_depths_give_the_exact_scale() {

@@ -3,29 +3,18 @@
 
 mod common;
 
+use common::device::device;
 use common::extraction::{Outcome, Scripted, assert_monotone, clean, far_off, hides, measure, options, out_of_sight};
 use epipole_optimize::active::Activation;
 use epipole_optimize::bundle::cpu::CpuSystem;
 use epipole_optimize::bundle::gpu::GpuSystem;
 use epipole_optimize::bundle::{self, Problem};
-use epipole_optimize::gpu::{Device, GpuError, Limits};
+use epipole_optimize::gpu::Device;
 use epipole_optimize::lm::{LmReport, System, minimize};
 use pollster::block_on;
 
 /// What counts as the same cost.
 const GAP: f64 = 1e-4;
-
-/// A device under WebGPU's default limits, or `None` with a loud line.
-fn device() -> Option<Device> {
-    match block_on(Device::open(Limits::Default)) {
-        Ok(device) => Some(device),
-        Err(error @ GpuError::NoAdapter { .. }) => {
-            println!("SKIPPED, nothing was tested: {error}");
-            None
-        }
-        Err(error) => panic!("{error}"),
-    }
-}
 
 fn optimum() -> Outcome {
     let truth = clean();

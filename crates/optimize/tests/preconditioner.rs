@@ -34,7 +34,6 @@ fn a_circuit_of_200_images_takes_few_products_on_the_cpu() {
 #[cfg(feature = "gpu")]
 mod on_device {
     use epipole_optimize::bundle::gpu::GpuSystem;
-    use epipole_optimize::gpu::{Device, GpuError, Limits};
     use epipole_optimize::lm::minimize;
     use pollster::block_on;
 
@@ -42,11 +41,7 @@ mod on_device {
 
     #[test]
     fn a_circuit_of_200_images_takes_as_few_on_the_device() {
-        let device = match block_on(Device::open(Limits::Default)) {
-            Ok(device) => device,
-            Err(error @ GpuError::NoAdapter { .. }) => return println!("SKIPPED, nothing was tested: {error}"),
-            Err(error) => panic!("{error}"),
-        };
+        let Some(device) = common::device::device() else { return };
         let problem = circuit(200);
         let optimum = circuit_optimum(&problem);
         // Below 1e-6 single precision decides steps by noise, which is not what is counted here.

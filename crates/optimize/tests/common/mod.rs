@@ -2,6 +2,8 @@
 
 #![allow(dead_code, unreachable_pub)]
 
+#[cfg(feature = "gpu")]
+pub mod device;
 pub mod extraction;
 pub mod metric;
 
