@@ -1,5 +1,6 @@
 //! Why images are not posed: a reason for each that the stages sharpen as they learn more, and the lines of the report.
 
+use epipole_scene::statistics::ImageErrors;
 use epipole_scene::{ViewGraph, ViewImage};
 
 use crate::component::Component;
@@ -74,20 +75,11 @@ pub(crate) fn image_reports(
         })
         .collect();
     for (number, (component, _)) in finished.iter().enumerate() {
-        let reconstruction = &component.reconstruction;
-        let mut sums = vec![(0usize, 0.0f64); reconstruction.images.len()];
-        for point in &reconstruction.points {
-            for &o in &point.observations {
-                let sum = &mut sums[o.image as usize];
-                sum.0 += 1;
-                sum.1 += reconstruction.reprojection_error_px(point, o);
-            }
-        }
-        for (&image, (points, error)) in component.graph_image.iter().zip(sums) {
+        for (&image, errors) in component.graph_image.iter().zip(ImageErrors::of(&component.reconstruction)) {
             let report = &mut reports[image];
             report.component = Some(number);
-            report.points = points;
-            report.mean_reprojection_error_px = (points > 0).then(|| error / points as f64);
+            report.points = errors.observations;
+            report.mean_reprojection_error_px = errors.mean_px();
         }
     }
     reports

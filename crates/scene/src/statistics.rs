@@ -51,6 +51,35 @@ impl Statistics {
     }
 }
 
+/// The reprojection errors of an image's observations.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ImageErrors {
+    /// Observations of points.
+    pub observations: usize,
+    /// Sum of their errors, px; infinite where one does not project.
+    pub sum_px: f64,
+}
+
+impl ImageErrors {
+    /// Of every image of a reconstruction, in its order.
+    pub fn of(reconstruction: &Reconstruction) -> Vec<Self> {
+        let mut errors = vec![Self::default(); reconstruction.images.len()];
+        for point in &reconstruction.points {
+            for &o in &point.observations {
+                let image = &mut errors[o.image as usize];
+                image.observations += 1;
+                image.sum_px += reconstruction.reprojection_error_px(point, o);
+            }
+        }
+        errors
+    }
+
+    /// Their mean, px; `None` without observations.
+    pub fn mean_px(&self) -> Option<f64> {
+        (self.observations > 0).then(|| self.sum_px / self.observations as f64)
+    }
+}
+
 fn ratio(sum: f64, count: usize) -> f64 {
     if count == 0 { 0.0 } else { sum / count as f64 }
 }
