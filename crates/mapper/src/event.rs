@@ -143,7 +143,7 @@ pub trait Observer {
 }
 
 /// Awaits the pause that an observer asks for, if it does.
-pub(crate) async fn breath(observer: &mut dyn Observer) {
+pub async fn breath(observer: &mut dyn Observer) {
     if let Some(breath) = observer.breathe() {
         breath.await;
     }

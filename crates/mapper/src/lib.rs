@@ -18,7 +18,7 @@ pub mod stages;
 pub use component::Component;
 pub use correspondences::CorrespondenceGraph;
 pub use error::MapperError;
-pub use event::{Event, Observer, Silent, Stage};
+pub use event::{Event, Observer, Silent, Stage, breath};
 pub use options::{Intrinsics, Matches, Options, Preset, Settings};
 pub use pipeline::{Outcome, reconstruct, reconstruct_blocking};
 pub use report::{ComponentReport, ImageReport, Report, StageTime, UnregisteredReason};

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use epipole_formats::depth::{DepthAttachment, DepthFiles, DepthNames, DepthSidecar, SIDECAR_NAME};
-use epipole_mapper::Observer;
+use epipole_mapper::{Observer, breath};
 use epipole_scene::ViewGraph;
 use epipole_scene::depth::{DepthInput, DepthOptions};
 
@@ -40,9 +40,7 @@ impl DepthMaps {
         let mut input = DepthInput::default();
         for image in 0..graph.images.len() {
             attachment.attach(graph, image, options, &mut input);
-            if let Some(breath) = observer.breathe() {
-                breath.await;
-            }
+            breath(observer).await;
             if observer.should_stop() {
                 break;
             }

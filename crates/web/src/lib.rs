@@ -20,6 +20,7 @@ mod opened;
 mod panic;
 mod pictures;
 mod query;
+mod run;
 mod session;
 mod snapshot;
 mod solve;

@@ -1,17 +1,17 @@
 //! A finished model in the tab: what there is to say of it, and one more bundle adjustment.
 
 use epipole_mapper::stages::refine::{Adjustment, adjust};
-use epipole_mapper::{Component, Event, ImageReport, Observer, Settings, Stage};
+use epipole_mapper::{Component, Event, ImageReport, Observer, Stage};
 use epipole_scene::Reconstruction;
-use epipole_scene::statistics::{Statistics, update_point_errors};
+use epipole_scene::statistics::{ImageErrors, Statistics, update_point_errors};
 use serde::Serialize;
 use wasm_bindgen::prelude::{JsValue, wasm_bindgen};
 
-use crate::backend::{self, Chosen};
 use crate::control::Wish;
 use crate::error::Failure;
 use crate::host::Host;
-use crate::observer::{TabObserver, now};
+use crate::observer::now;
+use crate::run::Run;
 use crate::session::{Answer, Model, Session, to_js};
 
 /// As much of `epipole_mapper::Report` as holds of a model that somebody else made.
@@ -28,19 +28,12 @@ struct ModelReport {
 
 impl ModelReport {
     fn new(model: &Reconstruction, stopped: bool) -> Self {
-        let mut seen = vec![(0.0, 0usize); model.images.len()];
-        for point in &model.points {
-            for &o in &point.observations {
-                let image = &mut seen[o.image as usize];
-                *image = (image.0 + model.reprojection_error_px(point, o), image.1 + 1);
-            }
-        }
-        let images = model.images.iter().zip(seen).map(|(image, (sum, points))| ImageReport {
+        let images = model.images.iter().zip(ImageErrors::of(model)).map(|(image, errors)| ImageReport {
             id: image.id,
             name: image.name.clone(),
             component: Some(0),
-            points,
-            mean_reprojection_error_px: (points > 0 && sum.is_finite()).then(|| sum / points as f64),
+            points: errors.observations,
+            mean_reprojection_error_px: errors.mean_px().filter(|mean| mean.is_finite()),
             unregistered: None,
         });
         Self {
@@ -71,15 +64,10 @@ impl Session {
         let Some(reconstruction) = model else {
             return Err(Failure::new(name, "there is no model to refine", "drop the files of a COLMAP model").into());
         };
-        let settings: serde_json::Map<String, serde_json::Value> = serde_wasm_bindgen::from_value(settings)
-            .map_err(|e| Failure::new("settings", e, "write an object such as {\"preset\": \"fast\"}"))?;
-        let mut options = Settings(settings).resolve().map_err(|e| Failure::new("settings", e, ""))?;
+        let observations = reconstruction.num_observations();
+        let Run { mut options, mut engine, mut observer } = self.begin(settings, &backend, observations, &host).await?;
         // Points of two observations move with their cameras or they are wrong afterwards.
         options.refine.min_track_length = 2;
-        self.wishes.set(Wish::GoOn);
-        let mut observer = TabObserver::new(self.wishes.clone(), self.deafness.clone(), host.clone());
-        let Chosen { mut engine, place } = backend::choose(&backend, reconstruction.num_observations()).await?;
-        let _ = host.send("backend", &to_js(&place)?);
         let graph_image: Vec<usize> = (0..reconstruction.images.len()).collect();
         let mut component = Component { reconstruction, graph_image: graph_image.clone(), ..Component::default() };
         let adjustment = Adjustment {
@@ -91,10 +79,7 @@ impl Session {
         let start = now();
         observer.event(&Event::StageStarted { stage: Stage::Refine, component: 0 });
         let run = adjust(&mut component, &adjustment, &options.refine, &mut engine, &mut observer);
-        let Some(solved) = self.wishes.unless_cancelled(run).await else {
-            return Err(Failure::new(name, "cancelled", "").into());
-        };
-        let solved = solved.map_err(|e| Failure::new(name, e, ""))?;
+        let solved = self.unless_cancelled(run).await?.map_err(|e| Failure::new(name, e, ""))?;
         let reconstruction = &mut component.reconstruction;
         update_point_errors(reconstruction);
         let summary = format!(

@@ -2,17 +2,15 @@
 
 use std::collections::BTreeMap;
 
-use epipole_mapper::{Event, MapperError, Observer, Outcome, Settings, reconstruct};
+use epipole_mapper::{Event, MapperError, Observer, Outcome, reconstruct};
 use epipole_scene::ViewGraph;
 use wasm_bindgen::prelude::{JsValue, wasm_bindgen};
 
-use crate::backend::{self, Chosen};
-use crate::control::Wish;
 use crate::error::Failure;
 use crate::host::Host;
 use crate::memory::{LIMIT_BYTES, predicted_bytes};
-use crate::observer::TabObserver;
 use crate::pictures::Decoded;
+use crate::run::Run;
 use crate::session::{Answer, Model, Session, to_js};
 
 #[wasm_bindgen]
@@ -25,15 +23,8 @@ impl Session {
             return Err(Failure::new(name, "a model has no matches to solve", "drop a database.db").into());
         };
         check_memory(name, graph)?;
-        let settings: serde_json::Map<String, serde_json::Value> = serde_wasm_bindgen::from_value(settings)
-            .map_err(|e| Failure::new("settings", e, "write an object such as {\"preset\": \"fast\"}"))?;
-        let options = Settings(settings).resolve().map_err(|e| Failure::new("settings", e, ""))?;
-        self.wishes.set(Wish::GoOn);
-        let mut observer = TabObserver::new(self.wishes.clone(), self.deafness.clone(), host.clone());
         let keypoints = graph.images.iter().map(|image| image.keypoints_px.len()).sum();
-        let Chosen { mut engine, place } = backend::choose(&backend, keypoints).await?;
-        // A page that does not listen any more must not end the run.
-        let _ = host.send("backend", &to_js(&place)?);
+        let Run { options, mut engine, mut observer } = self.begin(settings, &backend, keypoints, &host).await?;
         let mut copy = graph.clone();
         let depth_input = self.depths.attach(&mut copy, &options.depth, &mut observer).await?;
         let mut warnings = Vec::new();
@@ -47,9 +38,7 @@ impl Session {
         let mut decoded = Decoded { pictures: &self.pictures, host: host.clone() };
         let images = (!self.pictures.is_empty()).then_some(&mut decoded as &mut _);
         let run = reconstruct(copy, &options, &mut engine, images, &mut observer);
-        let Some(outcome) = self.wishes.unless_cancelled(run).await else {
-            return Err(Failure::new(name, "cancelled", "").into());
-        };
+        let outcome = self.unless_cancelled(run).await?;
         let Outcome { reconstructions, mut report } = outcome.map_err(|e| match e {
             MapperError::Stopped => Failure::new(name, "stopped before any camera had a position", "let it run longer"),
             e => Failure::new(name, e, ""),
