@@ -33,11 +33,20 @@ pub enum MapperError {
     },
     /// The optimiser refused a problem.
     #[error(transparent)]
-    Optimize(#[from] OptimizeError),
+    Optimize(OptimizeError),
     /// A linear solve of rotation averaging failed.
     #[error("rotation averaging: {0}")]
     Rotation(String),
     /// A person asked to stop before anything was finished.
     #[error("stopped before any component was finished")]
     Stopped,
+}
+
+impl From<OptimizeError> for MapperError {
+    fn from(error: OptimizeError) -> Self {
+        match error {
+            OptimizeError::Stopped => Self::Stopped,
+            error => Self::Optimize(error),
+        }
+    }
 }

@@ -119,6 +119,11 @@ pub trait Observer {
         false
     }
 
+    /// Whether a person may want to stop or pause between any two kernels of a device ([`epipole_optimize::lm::Observer`]).
+    fn interrupts(&self) -> bool {
+        false
+    }
+
     /// The component at hand after a solve or a pass, to be drawn. `complete`: it will not change any more.
     fn snapshot(&mut self, _component: &Component, _complete: bool) {}
 

@@ -78,7 +78,9 @@ pub async fn reconstruct(
 
     // Retriangulation judges every match by itself, so pairs that rotation averaging found fault with count as well:
     // on colmap2017_db they bring AUC@5 from 80.2 to 86.8, on castle-P19 six per cent more points.
+    breath(run.observer).await;
     let correspondences = CorrespondenceGraph::new(&graph, &vec![true; graph.pairs.len()]);
+    breath(run.observer).await;
     let mut finished = Vec::new();
     let mut parts: VecDeque<RotationComponent> = rotations.components.iter().cloned().collect();
     while let Some(part) = parts.pop_front() {
@@ -361,6 +363,10 @@ impl Observer for Recorder<'_> {
 
     fn should_stop(&self) -> bool {
         self.inner.should_stop()
+    }
+
+    fn interrupts(&self) -> bool {
+        self.inner.interrupts()
     }
 
     fn snapshot(&mut self, component: &Component, complete: bool) {

@@ -75,6 +75,9 @@ pub enum OptimizeError {
         /// Which start failed.
         stage: &'static str,
     },
+    /// The observer asked to stop before there was anything to keep. The problem is as it was.
+    #[error("stopped before the first solve was over; let it run longer")]
+    Stopped,
     /// The GPU failed while it solved. The problem holds the state of the checkpoint, or is as it was where there is none.
     #[cfg(feature = "gpu")]
     #[error("{error}; {}", what_is_kept(.kept.as_ref()))]

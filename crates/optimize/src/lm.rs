@@ -30,15 +30,16 @@ pub struct Trial {
 }
 
 /// A problem resident on a device. The last accepted state lives in the system, so a stopped solve loses nothing.
-/// All verbs are async, for devices that answer later; nothing but scalars crosses.
+/// All verbs are async, for devices that answer later; nothing but scalars crosses. Those that take long breathe on the way.
 #[allow(async_fn_in_trait)]
 pub trait System {
     /// Decides which observations are active at the accepted state, and gives its cost.
-    async fn refresh(&mut self) -> Evaluation;
+    async fn refresh(&mut self, observer: &mut dyn Observer) -> Evaluation;
     /// Residuals, weights and derivatives at the accepted state.
-    async fn linearize(&mut self);
-    /// A step at a damping relative to the diagonal of the normal equations; `None` where the system has no solution.
-    async fn solve(&mut self, lambda: f64) -> Option<Step>;
+    async fn linearize(&mut self, observer: &mut dyn Observer);
+    /// A step at a damping relative to the diagonal of the normal equations; `None` where the system has no solution, or
+    /// the observer asked to stop before there was one.
+    async fn solve(&mut self, lambda: f64, observer: &mut dyn Observer) -> Option<Step>;
     /// The change of the true cost.
     async fn try_step(&mut self) -> Trial;
     /// Makes the tried state the accepted one.
@@ -172,8 +173,13 @@ pub trait Observer {
     fn places(&mut self, _places: &Places) {}
     /// Called where a solve leaves the place it was meant for.
     fn notice(&mut self, _notice: &Notice) {}
-    /// Asked before every iteration.
+    /// Asked before every iteration, and within one where [`Self::interrupts`].
     fn should_stop(&self) -> bool {
+        false
+    }
+    /// Whether a person may get in between any two kernels of a device. It is then given no more at a time than it does in a
+    /// moment, which costs a wait now and then, on a slow one after every kernel.
+    fn interrupts(&self) -> bool {
         false
     }
     /// Asked between the parts of an iteration; what it gives is awaited before the next.
@@ -228,7 +234,7 @@ const SET_CHANGE: f64 = 1e-6;
 /// Minimises the cost of a system. Damping by Nielsen (1999), as in Ceres: an accepted step divides it by up to 3, each
 /// refused one multiplies it by 2, 4, 8, …
 pub async fn minimize<S: System>(system: &mut S, options: &LmOptions, observer: &mut dyn Observer) -> LmReport {
-    let mut state = system.refresh().await;
+    let mut state = system.refresh(observer).await;
     let mut report = LmReport {
         initial_cost: state.cost,
         final_cost: state.cost,
@@ -253,7 +259,7 @@ pub async fn minimize<S: System>(system: &mut S, options: &LmOptions, observer: 
             break;
         }
         if !linearized {
-            system.linearize().await;
+            system.linearize(observer).await;
             linearized = true;
             breath(observer).await;
             if observer.should_stop() {
@@ -261,9 +267,8 @@ pub async fn minimize<S: System>(system: &mut S, options: &LmOptions, observer: 
                 break;
             }
         }
-        report.iterations += 1;
         let mut record = IterationRecord {
-            iteration: report.iterations,
+            iteration: report.iterations + 1,
             cost: state.cost,
             lambda,
             gain: 0.0,
@@ -272,8 +277,13 @@ pub async fn minimize<S: System>(system: &mut S, options: &LmOptions, observer: 
             accepted: false,
         };
         let mut end = None;
-        let step = system.solve(lambda).await;
+        let step = system.solve(lambda, observer).await;
         breath(observer).await;
+        if observer.should_stop() {
+            report.termination = Termination::Stopped;
+            break;
+        }
+        report.iterations += 1;
         let mut decrease = f64::NAN;
         if let Some(step) = step {
             record.inner_iterations = step.inner_iterations;
@@ -291,7 +301,7 @@ pub async fn minimize<S: System>(system: &mut S, options: &LmOptions, observer: 
         if record.gain > options.accept_gain {
             system.accept().await;
             let before = state.cost;
-            state = system.refresh().await;
+            state = system.refresh(observer).await;
             linearized = false;
             report.accepted += 1;
             (record.accepted, record.cost, record.active) = (true, state.cost, state.active);

@@ -50,8 +50,8 @@ fn the_first_set_and_its_cost_are_those_of_the_cpu() {
     for start in [out_of_sight(), far_off()] {
         for activation in [Activation::Truncated { residual_limit_px: 60.0 }, Activation::DYNAMIC] {
             let options = options(activation, 1e-7);
-            let cpu = block_on(CpuSystem::<f64>::new(&start, &options).expect("a good problem").refresh());
-            let gpu = block_on(GpuSystem::new(&device, &start, &options).expect("a good problem").refresh());
+            let cpu = block_on(CpuSystem::<f64>::new(&start, &options).expect("a good problem").refresh(&mut ()));
+            let gpu = block_on(GpuSystem::new(&device, &start, &options).expect("a good problem").refresh(&mut ()));
             println!("{activation:?}: {cpu:?} {gpu:?}");
             assert!(
                 (gpu.cost / cpu.cost - 1.0).abs() < 1e-4 && gpu.active.abs_diff(cpu.active) <= 2,

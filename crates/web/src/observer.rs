@@ -79,6 +79,11 @@ impl Observer for TabObserver {
         self.wishes.get() != Wish::GoOn
     }
 
+    /// Within 200 ms (issue 5), also where a step of the solve takes seconds.
+    fn interrupts(&self) -> bool {
+        true
+    }
+
     fn now_seconds(&self) -> f64 {
         now()
     }

@@ -13,7 +13,7 @@ use super::refine::Forward;
 use super::tracks::Tracks;
 use crate::component::Component;
 use crate::error::MapperError;
-use crate::event::{Event, Observer, Stage};
+use crate::event::{Event, Observer, Stage, breath};
 use crate::metric::ray_length_m;
 use crate::parallel;
 
@@ -125,6 +125,7 @@ pub async fn run(
         let world_from_cam = image.cam_from_world.rotation.conjugate();
         image.keypoints_px.iter().map(|&px| camera.ray_from_pixel(px).map(|ray| world_from_cam * ray)).collect()
     });
+    breath(observer).await;
     let mut problem = positioning::Problem {
         centers: vec![glam::DVec3::ZERO; component.reconstruction.images.len()],
         points: Vec::new(),
@@ -170,9 +171,11 @@ pub async fn run(
     let mut solver = positioning::Options { huber: options.huber, ..positioning::Options::default() };
     solver.lm.relative_decrease_tolerance = options.relative_decrease_tolerance;
     component.reconstruction.points = points;
+    breath(observer).await;
     let mut forward = Forward { stage: Stage::Position, component, points: None, observer };
     let mut report = engine.position(&mut problem, &solver, &mut forward).await?;
     place(component, &problem);
+    breath(observer).await;
     let mut doubt = component.metric.begin(&mut component.reconstruction);
     if doubt.is_some() && problem.pinned_scale.is_some() {
         // Depths that contradict the rays have bent them: once more without. What is right about them shows then.
@@ -196,11 +199,14 @@ pub async fn run(
         placed[image as usize] = true;
     }
     component.retain_images(&placed);
+    breath(observer).await;
     let reconstruction = &mut component.reconstruction;
     filter::filter_angular(reconstruction, options.max_angular_error_deg.to_radians());
     filter::filter_triangulation_angle(reconstruction, options.min_triangulation_angle_deg.to_radians());
+    breath(observer).await;
     filter::filter_normalized(reconstruction, options.max_normalized_error);
     component.normalize();
     observer.snapshot(component, false);
+    breath(observer).await;
     Ok(Summary { observations: report.observations, report, left_over, without_tracks })
 }

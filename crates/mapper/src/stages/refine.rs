@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::component::Component;
 use crate::error::MapperError;
-use crate::event::{Event, Observer, Stage};
+use crate::event::{Event, Observer, Stage, breath};
 use crate::options::Intrinsics;
 
 /// Bundle adjustment and its filters.
@@ -145,6 +145,7 @@ pub async fn adjust(
     // A second small step confirms convergence; before another filter or another round there is nothing to confirm.
     let is_final = adjustment.relative_decrease_tolerance <= options.final_relative_decrease_tolerance;
     lm_options.lm.small_decreases = if is_final { 2 } else { 1 };
+    breath(observer).await;
     let mut forward = Forward { stage: adjustment.stage, component, points: Some(&adjusted), observer };
     let report = engine.adjust(&mut problem, &lm_options, &mut forward).await?;
     let reconstruction = &mut component.reconstruction;
@@ -156,6 +157,7 @@ pub async fn adjust(
         reconstruction.points[p].position = position;
     }
     observer.snapshot(component, false);
+    breath(observer).await;
     Ok(report)
 }
 
@@ -202,6 +204,10 @@ impl epipole_optimize::lm::Observer for Forward<'_> {
 
     fn should_stop(&self) -> bool {
         self.observer.should_stop()
+    }
+
+    fn interrupts(&self) -> bool {
+        self.observer.interrupts()
     }
 
     fn breathe(&mut self) -> Option<Breath> {

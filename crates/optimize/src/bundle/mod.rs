@@ -20,7 +20,7 @@ pub use problem::{ParamPrior, PoseFreedom, Problem};
 
 use crate::error::OptimizeError;
 use crate::executor::block_on;
-use crate::lm::{Blocking, LmReport, Observer, minimize};
+use crate::lm::{Blocking, LmReport, Observer, breath, minimize};
 
 /// Solves on the CPU in `f64`. The problem is left at the last accepted state.
 pub fn solve(problem: &mut Problem, options: &Options, observer: &mut dyn Observer) -> Result<LmReport, OptimizeError> {
@@ -58,8 +58,10 @@ async fn solve_rows<T: Real, const ROWS: usize>(
     options: &Options,
     observer: &mut dyn Observer,
 ) -> Result<LmReport, OptimizeError> {
-    let mut system = cpu::CpuSystem::<T, ROWS>::new(problem, options)?;
+    let mut system = cpu::CpuSystem::<T, ROWS>::prepare(problem, options, observer).await?;
+    breath(observer).await;
     let mut report = minimize(&mut system, &options.lm, observer).await;
+    breath(observer).await;
     report.final_cost = system.write(problem);
     Ok(report)
 }

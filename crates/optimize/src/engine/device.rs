@@ -196,6 +196,10 @@ impl Observer for Later<'_> {
         self.observer.should_stop()
     }
 
+    fn interrupts(&self) -> bool {
+        self.observer.interrupts()
+    }
+
     fn breathe(&mut self) -> Option<Breath> {
         self.observer.breathe()
     }

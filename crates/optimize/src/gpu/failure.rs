@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use super::error::GpuError;
+use super::turns::Halt;
 use crate::engine::Notice;
 use crate::lm::{Breath, IterationRecord, Observer, Places};
 
@@ -12,9 +13,16 @@ use crate::lm::{Breath, IterationRecord, Observer, Places};
 pub(crate) struct Failure(Rc<RefCell<Option<GpuError>>>);
 
 impl Failure {
-    /// Passes a value on; an error is kept, unless an earlier one is.
-    pub(crate) fn keep<T>(&self, result: Result<T, GpuError>) -> Option<T> {
-        result.map_err(|error| self.0.borrow_mut().get_or_insert(error).clone()).ok()
+    /// Passes a value on; an error is kept, unless an earlier one is. A wish to stop is no failure.
+    pub(crate) fn keep<T>(&self, result: Result<T, impl Into<Halt>>) -> Option<T> {
+        match result.map_err(Into::into) {
+            Ok(value) => Some(value),
+            Err(Halt::Stopped) => None,
+            Err(Halt::Failed(error)) => {
+                self.0.borrow_mut().get_or_insert(error);
+                None
+            }
+        }
     }
 
     /// What was kept.
@@ -48,6 +56,10 @@ impl Observer for Guard<'_> {
 
     fn breathe(&mut self) -> Option<Breath> {
         self.inner.breathe()
+    }
+
+    fn interrupts(&self) -> bool {
+        self.inner.interrupts()
     }
 
     fn should_stop(&self) -> bool {

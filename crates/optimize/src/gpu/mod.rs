@@ -17,6 +17,7 @@ pub(crate) mod sums;
 #[cfg(test)]
 pub(crate) mod tests;
 mod timer;
+mod turns;
 mod variant;
 
 pub use buffers::{Pending, ReadBack};
@@ -25,4 +26,5 @@ pub use error::GpuError;
 pub(crate) use failure::{Failure, Guard};
 pub use pipelines::{Bound, Pipelines, split_groups};
 pub use timer::KernelTime;
+pub(crate) use turns::{Halt, Turns};
 pub use variant::Variant;

@@ -51,8 +51,8 @@ pub(crate) trait Backend {
     async fn begin(&mut self, objective: Objective) -> Result<f64, OptimizeError>;
 
     /// Solves the linearised objective with damping relative to its diagonal, moves there and linearises again; `None`
-    /// where the system has no solution.
-    async fn solve(&mut self, lambda: f64) -> Result<Option<ConvexStep>, OptimizeError>;
+    /// where the system has no solution, or the observer asked to stop before there was one.
+    async fn solve(&mut self, lambda: f64, observer: &mut dyn Observer) -> Result<Option<ConvexStep>, OptimizeError>;
 
     /// Variable projection of the given rays from the present positions.
     async fn project(

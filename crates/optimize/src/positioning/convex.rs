@@ -66,9 +66,10 @@ async fn unfold<B: Backend>(
 ) -> Result<ConvexReport, OptimizeError> {
     let first = backend.begin(Objective::EqualScales { free_scale: 1.0 / unit, huber: HUBER }).await?;
     let mut report = ConvexReport { cost: first, ..ConvexReport::default() };
+    breath(observer).await;
     while report.solves < max_solves {
         let previous = report.cost;
-        solve(backend, &mut report, "equal-scale").await?;
+        solve(backend, &mut report, "equal-scale", observer).await?;
         breath(observer).await;
         // From the origin the first cost is the cost of nothing: only later ones tell of convergence.
         let converged = report.solves > 1 && previous - report.cost < TOLERANCE * report.cost;
@@ -93,7 +94,7 @@ pub(crate) async fn lud<B: Backend>(
     let bound = if metric { LUD_METRIC_BOUND * unit } else { unit };
     report.cost = backend.begin(Objective::Lud { bound, delta: LUD_DELTA * unit }).await?;
     for _ in 0..LUD_MAX_SOLVES {
-        let (moved, extent) = solve(backend, &mut report, "LUD").await?;
+        let (moved, extent) = solve(backend, &mut report, "LUD", observer).await?;
         breath(observer).await;
         if moved < LUD_TOLERANCE * extent || observer.should_stop() {
             break;
@@ -102,15 +103,20 @@ pub(crate) async fn lud<B: Backend>(
     Ok(report)
 }
 
-/// One solve; returns how far centres moved, and how far out they are.
+/// One solve; returns how far centres moved, and how far out they are. Where it is stopped on the way they stay where they are.
 async fn solve<B: Backend>(
     backend: &mut B,
     report: &mut ConvexReport,
     stage: &'static str,
+    observer: &mut dyn Observer,
 ) -> Result<(f64, f64), OptimizeError> {
-    let mut step = backend.solve(LAMBDA).await?;
-    if step.is_none() {
-        step = backend.solve(LAMBDA * STRONGER).await?;
+    let mut step = backend.solve(LAMBDA, observer).await?;
+    if step.is_none() && !observer.should_stop() {
+        step = backend.solve(LAMBDA * STRONGER, observer).await?;
+    }
+    if step.is_none() && observer.should_stop() {
+        // Before the first solve everything is in one place: no answer at all.
+        return if report.solves == 0 { Err(OptimizeError::Stopped) } else { Ok((0.0, 0.0)) };
     }
     let step = step.ok_or(OptimizeError::Singular { stage })?;
     report.solves += 1;

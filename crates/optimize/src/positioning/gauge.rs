@@ -3,7 +3,8 @@
 use epipole_geometry::camera::Real;
 
 use super::layout::{Layout, Rays};
-use super::vec3::{Vec3, add, dot, scale, sub, zero};
+use super::vec3::{Vec3, add, dot, scale, sub, to_dvec3, zero};
+use crate::lm::Places;
 
 /// Camera centres and points in the world.
 #[derive(Clone, Debug)]
@@ -15,6 +16,17 @@ pub(crate) struct Positions<T> {
 }
 
 impl<T: Real> Positions<T> {
+    /// By index into the problem's arrays, for whoever draws them.
+    pub(crate) fn places(&self, layout: &Layout) -> Places {
+        let list = |index: &[u32], positions: &[Vec3<T>]| {
+            index.iter().copied().zip(positions.iter().map(|&p| to_dvec3(p))).collect()
+        };
+        Places {
+            centers: list(&layout.image_of_camera, &self.centers),
+            points: list(&layout.source_point, &self.points),
+        }
+    }
+
     /// Everything in the origin: where the convex starts begin.
     pub(crate) fn origin(layout: &Layout) -> Self {
         Self { centers: vec![zero(); layout.cameras()], points: vec![zero(); layout.points()] }

@@ -8,6 +8,7 @@ use super::block::Block;
 use super::layout::Layout;
 use super::triangle::{Triangle, floored};
 use super::vec3::{Vec3, add, dot, scale, sub, zero};
+use crate::lm::{Observer, breath};
 use crate::parallel;
 use crate::reduced::{
     BlockJacobi, BlockLayout, BlockMatrix, BlockPattern, Cholesky, Incidence, LinearOperator, PcgOptions, pcg,
@@ -152,8 +153,14 @@ impl<T: Real> Normal<T> {
     }
 
     /// The step of the model damped with `λ diag(JᵀJ)`; `None` when the reduced matrix has no factor or the step is not
-    /// finite.
-    pub(crate) fn solve(&mut self, layout: &Layout, blocks: &[Block<T>], lambda: f64) -> Option<Step<T>> {
+    /// finite, or the observer asks to stop.
+    pub(crate) async fn solve(
+        &mut self,
+        layout: &Layout,
+        blocks: &[Block<T>],
+        lambda: f64,
+        observer: &mut dyn Observer,
+    ) -> Option<Step<T>> {
         self.damp_points(layout, T::from_f64(lambda));
         let rhs = layout.map_cameras(|camera| {
             let mut sum = [0.0; 3];
@@ -164,11 +171,15 @@ impl<T: Real> Normal<T> {
             }
             sum
         });
-        self.assemble(layout, blocks, lambda);
+        self.assemble(layout, blocks, lambda, observer).await;
+        if observer.should_stop() {
+            return None;
+        }
         let (centers, inner_iterations) = match self.shape {
-            Shape::Isotropic => (self.solve_coordinates(&rhs)?, 0),
-            Shape::Full => self.solve_blocks(layout, blocks, &rhs, lambda)?,
+            Shape::Isotropic => (self.solve_coordinates(&rhs, observer).await?, 0),
+            Shape::Full => self.solve_blocks(layout, blocks, &rhs, lambda, observer).await?,
         };
+        breath(observer).await;
         Some(self.substitute(layout, blocks, centers, inner_iterations)).filter(|step| {
             step.predicted_decrease.is_finite() && step.centers.iter().flatten().all(|value| value.is_finite())
         })
@@ -198,7 +209,7 @@ impl<T: Real> Normal<T> {
     }
 
     /// The reduced matrix, or its block diagonal for the preconditioner.
-    fn assemble(&mut self, layout: &Layout, blocks: &[Block<T>], lambda: f64) {
+    async fn assemble(&mut self, layout: &Layout, blocks: &[Block<T>], lambda: f64, observer: &mut dyn Observer) {
         self.matrix.fill_zero();
         for (camera, b) in self.camera_block.iter().enumerate() {
             let [d0, d1, d2] = floored([b[0], b[3], b[5]]).map(|d| lambda * d);
@@ -212,7 +223,7 @@ impl<T: Real> Normal<T> {
         }
         let stride = self.matrix.pattern().layout().factor_stride();
         let (inverse, shape) = (&self.inverse, self.shape);
-        self.matrix.subtract_points(&self.incidence, |point, factors| {
+        let fill = |point: usize, factors: &mut [f64]| {
             let inverse = Triangle(inverse[point].0.map(T::to_f64));
             let track = layout.track(point);
             let mut participant = 0;
@@ -229,16 +240,17 @@ impl<T: Real> Normal<T> {
                     Shape::Full => add_factor(rows, stride, &inverse, square, block.direction.map(T::to_f64)),
                 }
             }
-        });
+        };
+        self.matrix.subtract_points(&self.incidence, fill, observer).await;
         self.matrix.replace_empty_columns_by_identity();
     }
 
-    fn solve_coordinates(&mut self, rhs: &[Vec3<f64>]) -> Option<Vec<Vec3<T>>> {
+    async fn solve_coordinates(&mut self, rhs: &[Vec3<f64>], observer: &mut dyn Observer) -> Option<Vec<Vec3<T>>> {
         let cholesky = self.cholesky.as_mut()?;
         let mut centers = vec![zero(); rhs.len()];
         for axis in 0..3 {
             let column: Vec<f64> = rhs.iter().map(|r| r[axis]).collect();
-            let x = cholesky.solve(&self.matrix, &column).ok()?;
+            let x = cholesky.solve(&self.matrix, &column, observer).await.ok()?;
             for (center, value) in centers.iter_mut().zip(x) {
                 center[axis] = T::from_f64(value);
             }
@@ -246,23 +258,25 @@ impl<T: Real> Normal<T> {
         Some(centers)
     }
 
-    fn solve_blocks(
+    async fn solve_blocks(
         &mut self,
         layout: &Layout,
         blocks: &[Block<T>],
         rhs: &[Vec3<f64>],
         lambda: f64,
+        observer: &mut dyn Observer,
     ) -> Option<(Vec<Vec3<T>>, usize)> {
         let (x, iterations) = match &mut self.cholesky {
-            Some(cholesky) => (cholesky.solve(&self.matrix, rhs.as_flattened()).ok()?, 0),
+            Some(cholesky) => (cholesky.solve(&self.matrix, rhs.as_flattened(), observer).await.ok()?, 0),
             None => {
                 let preconditioner = BlockJacobi::new(&self.matrix);
                 let damping =
                     self.camera_block.iter().map(|b| floored([b[0], b[3], b[5]]).map(|d| lambda * d)).collect();
                 let (triangle, inverse) = (&self.triangle, &self.inverse);
                 let mut operator = Operator { layout, blocks, triangle, inverse, lambda, damping };
-                let result =
-                    pcg(&mut operator, |r, z| preconditioner.apply(r, z), rhs.as_flattened(), &PcgOptions::default());
+                let precondition = |r: &[f64], z: &mut [f64]| preconditioner.apply(r, z);
+                let options = PcgOptions::default();
+                let result = pcg(&mut operator, precondition, rhs.as_flattened(), &options, observer).await;
                 (result.x, result.iterations)
             }
         };

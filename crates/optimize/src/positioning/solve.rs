@@ -15,7 +15,7 @@ use super::report::{Attempt, Report, Start, Warning};
 use super::vec3::to_dvec3;
 use crate::error::OptimizeError;
 use crate::executor::block_on;
-use crate::lm::{Blocking, Observer, Termination};
+use crate::lm::{Blocking, Observer, Termination, breath};
 
 /// A clipped attempt leaves out observations beyond this angle or beyond this multiple of the median, whichever is
 /// larger, and then points with fewer observations than this (`global-positioning.md` §4).
@@ -61,7 +61,9 @@ pub async fn solve_async<T: Real>(
 ) -> Result<Report, OptimizeError> {
     problem.validate()?;
     let layout = Layout::new(problem, None)?;
+    breath(observer).await;
     let rays = Rays::<T>::new(problem, &layout);
+    breath(observer).await;
     let mut backend = Cpu::new(&layout, &rays, options.linear_solver);
     let (report, positions) = solve_on(&mut backend, &layout, &rays, options, observer).await?;
     Ok(finish(problem, &layout, report, &positions))
@@ -163,6 +165,7 @@ impl<B: Backend> Run<'_, B> {
     ) -> Result<Candidate<B::Scalar>, OptimizeError> {
         let lm = self.backend.project(active, self.options, observer).await?;
         let positions = self.backend.positions().await?;
+        breath(observer).await;
         let quality = quality(self.layout, &angles(self.layout, self.rays, &positions));
         Ok((Attempt { start, convex, lm, quality }, positions))
     }

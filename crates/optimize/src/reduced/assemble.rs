@@ -4,6 +4,7 @@ use super::incidence::{Incidence, Member};
 use super::kernel::{Vectorized, dispatch, subtract_fixed, subtract_product};
 use super::matrix::BlockMatrix;
 use super::pattern::BlockPattern;
+use crate::lm::{Observer, breath};
 use crate::parallel;
 
 /// Participants whose factors are held at once: with 6 unknowns a block, 6 MB, which stays near the cores.
@@ -19,19 +20,25 @@ impl BlockMatrix {
     /// `A −= Σ_points E Eᵀ`. `fill(point, factors)` writes, for each participant of the point in order, `Eᵀ`: 3 rows of
     /// [`super::BlockLayout::factor_stride`] scalars, of which the first `size` count (the buffer comes zeroed, padding
     /// must stay zero). Only blocks in the pattern are formed.
-    pub fn subtract_points(&mut self, incidence: &Incidence, fill: impl Fn(usize, &mut [f64]) + Sync + Send) {
-        self.eliminate_points(incidence, fill, |_| [0.0; 3], &mut []);
+    pub async fn subtract_points(
+        &mut self,
+        incidence: &Incidence,
+        fill: impl Fn(usize, &mut [f64]) + Sync + Send,
+        observer: &mut dyn Observer,
+    ) {
+        self.eliminate_points(incidence, fill, |_| [0.0; 3], &mut [], observer).await;
     }
 
     /// As [`Self::subtract_points`], and `rhs += Σ_points E z`: with `z = R⁻ᵀ g` for the gradient `g` of a point this is
     /// what its elimination does to the right-hand side, for next to nothing while its factors are at hand. An empty
-    /// `rhs` is left alone.
-    pub fn eliminate_points(
+    /// `rhs` is left alone. Breathes between chunks of points; a solve that is to stop gets a matrix of no use.
+    pub async fn eliminate_points(
         &mut self,
         incidence: &Incidence,
         fill: impl Fn(usize, &mut [f64]) + Sync + Send,
         z: impl Fn(usize) -> [f64; 3] + Sync + Send,
         rhs: &mut [f64],
+        observer: &mut dyn Observer,
     ) {
         let pattern = self.pattern().clone();
         let participant_len = 3 * pattern.layout().factor_stride();
@@ -55,6 +62,10 @@ impl BlockMatrix {
             fill_factors(incidence, first..last, factors, participant_len, &fill);
             subtract_chunk(&pattern, &mut self.values, rhs, incidence, start..end, factors, &z);
             first = last;
+            breath(observer).await;
+            if observer.should_stop() {
+                return;
+            }
         }
     }
 }

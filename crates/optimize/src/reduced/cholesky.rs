@@ -7,6 +7,7 @@ use super::matrix::BlockMatrix;
 use super::pattern::BlockPattern;
 use super::sparse::SparseCholesky;
 use crate::error::OptimizeError;
+use crate::lm::Observer;
 
 /// Share of stored blocks above which a dense factor is faster (source: `scale.md` §5).
 const DENSE_DENSITY: f64 = 0.35;
@@ -63,9 +64,14 @@ impl Cholesky {
     }
 
     /// `x` with `A x = rhs`. The matrix must have the pattern given to [`Self::new`].
-    pub fn solve(&mut self, matrix: &BlockMatrix, rhs: &[f64]) -> Result<Vec<f64>, NotPositiveDefinite> {
+    pub async fn solve(
+        &mut self,
+        matrix: &BlockMatrix,
+        rhs: &[f64],
+        observer: &mut dyn Observer,
+    ) -> Result<Vec<f64>, NotPositiveDefinite> {
         let x = match &mut self.0 {
-            Inner::Dense(dense) => dense.solve(matrix, rhs)?,
+            Inner::Dense(dense) => dense.solve(matrix, rhs, observer).await?,
             Inner::Sparse(sparse) => sparse.solve(matrix, rhs)?,
         };
         if x.iter().all(|v| v.is_finite()) { Ok(x) } else { Err(NotPositiveDefinite) }

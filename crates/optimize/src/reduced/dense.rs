@@ -11,6 +11,7 @@ use faer::{Accum, MatMut, Par};
 use super::cholesky::NotPositiveDefinite;
 use super::matrix::BlockMatrix;
 use super::pattern::BlockPattern;
+use crate::lm::{Observer, breath};
 use crate::parallel;
 
 /// Columns that are factorised at a time: enough for each pass over the rest of the matrix to be worth its traffic.
@@ -37,7 +38,12 @@ impl DenseCholesky {
         (self.dim as f64).powi(3) / 3.0
     }
 
-    pub(super) fn solve(&mut self, matrix: &BlockMatrix, rhs: &[f64]) -> Result<Vec<f64>, NotPositiveDefinite> {
+    pub(super) async fn solve(
+        &mut self,
+        matrix: &BlockMatrix,
+        rhs: &[f64],
+        observer: &mut dyn Observer,
+    ) -> Result<Vec<f64>, NotPositiveDefinite> {
         let n = self.dim;
         let mut x = rhs.to_vec();
         if n == 0 {
@@ -45,7 +51,7 @@ impl DenseCholesky {
         }
         self.load(matrix);
         let mut view = MatMut::from_column_major_slice_mut(&mut self.factor, n, n);
-        factorize(view.rb_mut())?;
+        factorize(view.rb_mut(), observer).await?;
         let scratch = llt::solve::solve_in_place_scratch::<f64>(n, 1, Par::Seq);
         let mut memory = faer::dyn_stack::MemBuffer::new(scratch);
         let rhs = MatMut::from_column_major_slice_mut(&mut x, n, 1);
@@ -82,7 +88,7 @@ impl DenseCholesky {
 
 /// Right-looking: factorise a panel, then take it off all that is to its right, tile by tile. Tiles do not depend on
 /// the number of threads, and each is written by one.
-fn factorize(mut rest: MatMut<'_, f64>) -> Result<(), NotPositiveDefinite> {
+async fn factorize(mut rest: MatMut<'_, f64>, observer: &mut dyn Observer) -> Result<(), NotPositiveDefinite> {
     let scratch = llt::factor::cholesky_in_place_scratch::<f64>(PANEL, Par::Seq, Default::default());
     let mut memory = faer::dyn_stack::MemBuffer::new(scratch);
     while rest.nrows() > 0 {
@@ -99,6 +105,7 @@ fn factorize(mut rest: MatMut<'_, f64>) -> Result<(), NotPositiveDefinite> {
         drop(pieces);
         subtract_square(below.rb(), right.rb_mut());
         rest = right;
+        breath(observer).await;
     }
     Ok(())
 }

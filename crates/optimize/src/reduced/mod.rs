@@ -11,9 +11,9 @@
 //! // every linearisation and damping:
 //! s.fill_zero();
 //! s.add_to_block(i, j, &values);          // camera-only normal equations, i <= j, row-major size_i x size_j
-//! s.subtract_points(&incidence, |point, factors| …);   // S -= sum over points of E Eᵀ
+//! s.subtract_points(&incidence, |point, factors| …, observer).await;   // S -= sum over points of E Eᵀ
 //! s.add_to_diagonal(lambda); s.replace_empty_columns_by_identity();
-//! let x = cholesky.solve(&s, &rhs)?;      // Cholesky::new(&pattern) once: it keeps the symbolic factor
+//! let x = cholesky.solve(&s, &rhs, observer).await?;      // Cholesky::new(&pattern) once: it keeps the symbolic factor
 //! ```
 //!
 //! `E` of a participant (point, block) is `W·R⁻¹` where `W = Σ J_blockᵀ J_point` (size × 3) and `RᵀR` is the damped

@@ -1,5 +1,7 @@
 //! Preconditioned conjugate gradients with the stop that suits an inexact Newton step.
 
+use crate::lm::{Observer, breath};
+
 /// A symmetric positive definite operator.
 pub trait LinearOperator {
     /// `out = A x`; returns `xᵀ A x`, which an operator that is a sum of squares can give without cancellation.
@@ -37,12 +39,13 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
-/// Approximates `A x = rhs` from `x = 0`. `precondition(r, z)` sets `z ≈ A⁻¹ r`.
-pub fn pcg(
+/// Approximates `A x = rhs` from `x = 0`. `precondition(r, z)` sets `z ≈ A⁻¹ r`. Ends early where the observer asks to stop.
+pub async fn pcg(
     operator: &mut impl LinearOperator,
     mut precondition: impl FnMut(&[f64], &mut [f64]),
     rhs: &[f64],
     options: &PcgOptions,
+    observer: &mut dyn Observer,
 ) -> PcgResult {
     let n = rhs.len();
     let mut x = vec![0.0; n];
@@ -54,6 +57,10 @@ pub fn pcg(
     let mut model = 0.0;
     let mut iterations = 0;
     while iterations < options.max_iterations && rz > 0.0 {
+        breath(observer).await;
+        if observer.should_stop() {
+            break;
+        }
         iterations += 1;
         let curvature = operator.apply(&direction, &mut product);
         // Not positive: rounding has used up the direction; what is found so far still lowers the model.

@@ -5,7 +5,7 @@
 
 use epipole_optimize::active::Activation;
 use epipole_optimize::bundle::{Options, Problem};
-use epipole_optimize::lm::{Evaluation, LmOptions, LmReport, Step, System, Trial};
+use epipole_optimize::lm::{Evaluation, LmOptions, LmReport, Observer, Step, System, Trial};
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -78,22 +78,22 @@ impl<S: System, F: FnMut(&mut S, usize)> Scripted<S, F> {
 }
 
 impl<S: System, F: FnMut(&mut S, usize)> System for Scripted<S, F> {
-    async fn refresh(&mut self) -> Evaluation {
+    async fn refresh(&mut self, observer: &mut dyn Observer) -> Evaluation {
         if self.steps > 0 {
-            let same = self.inner.refresh().await;
+            let same = self.inner.refresh(observer).await;
             self.worst_rise = self.worst_rise.max(same.cost / self.last - 1.0);
         }
         (self.script)(&mut self.inner, self.steps);
         self.steps += 1;
-        let now = self.inner.refresh().await;
+        let now = self.inner.refresh(observer).await;
         self.last = now.cost;
         now
     }
-    async fn linearize(&mut self) {
-        self.inner.linearize().await;
+    async fn linearize(&mut self, observer: &mut dyn Observer) {
+        self.inner.linearize(observer).await;
     }
-    async fn solve(&mut self, lambda: f64) -> Option<Step> {
-        self.inner.solve(lambda).await
+    async fn solve(&mut self, lambda: f64, observer: &mut dyn Observer) -> Option<Step> {
+        self.inner.solve(lambda, observer).await
     }
     async fn try_step(&mut self) -> Trial {
         self.inner.try_step().await

@@ -117,6 +117,7 @@ pub(super) async fn for_each<R: Send>(
     let (kept, drafts, taken) = sort_into_clusters(correspondences, component, skip_bogus_cameras);
     breath(observer).await;
     let views = Views::new(correspondences, component, skip_bogus_cameras);
+    breath(observer).await;
     let num_clusters = correspondences.num_clusters();
     let tasks: Vec<usize> = (0..num_clusters).step_by(CLUSTERS_PER_TASK).collect();
     let done = parallel::map_breathing(&tasks, observer, |_, &first| {
@@ -158,6 +159,7 @@ pub(super) async fn for_each<R: Send>(
         point.id = i as u64 + 1;
     }
     component.reconstruction.points = points;
+    breath(observer).await;
     all_returned
 }
 

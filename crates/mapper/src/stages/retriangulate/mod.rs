@@ -125,6 +125,7 @@ pub async fn run(
         observer.snapshot(component, false);
         breath(observer).await;
         summary.filtered += filter(component, options.filter_max_error_px, options.filter_min_angle_deg);
+        breath(observer).await;
         summary.rounds += 1;
         progress(observer, summary.rounds + 1);
         // Every round completes tracks with observations within 15 px and filters most of them again at 4 px: counting

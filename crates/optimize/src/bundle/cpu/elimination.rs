@@ -6,6 +6,7 @@ use super::linearization::Linearization;
 use super::point_block::{Triangle, damp, solve_row};
 use super::small::{Vec3, to_f64};
 use super::structure::Structure;
+use crate::lm::Observer;
 use crate::parallel;
 use crate::reduced::BlockMatrix;
 
@@ -43,18 +44,19 @@ pub(super) fn damp_points<T: Real, const ROWS: usize>(
 }
 
 /// `matrix −= Σ_points E Eᵀ`, `rhs += Σ_points E R̃⁻ᵀ J_pᵀ r`.
-pub(super) fn subtract_points<T: Real, const ROWS: usize>(
+pub(super) async fn subtract_points<T: Real, const ROWS: usize>(
     structure: &Structure,
     linearization: &Linearization<T, ROWS>,
     damped: &[DampedPoint],
     matrix: &mut BlockMatrix,
     rhs: &mut [f64],
+    observer: &mut dyn Observer,
 ) {
     if structure.fixed_points {
         return;
     }
     let fill = |p: usize, factors: &mut [f64]| point_factors(structure, linearization, &damped[p], p, factors);
-    matrix.eliminate_points(&structure.incidence, fill, |p| damped[p].gradient, rhs);
+    matrix.eliminate_points(&structure.incidence, fill, |p| damped[p].gradient, rhs, observer).await;
 }
 
 /// `Eᵀ` of every participant of a point, into zeroed memory.

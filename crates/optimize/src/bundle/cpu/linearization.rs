@@ -13,6 +13,7 @@ use super::small::{Vec3, add, cross, dot, rotate, row_times, to_f64};
 use super::state::{Cameras, Lattice, Points};
 use super::structure::Structure;
 use crate::active::ActiveSet;
+use crate::lm::Observer;
 use crate::loss::Loss;
 use crate::parallel;
 
@@ -123,7 +124,7 @@ impl<T: Real, const ROWS: usize> Linearization<T, ROWS> {
     }
 
     /// Evaluates every row at a state whose residuals are known.
-    pub(super) fn update(
+    pub(super) async fn update(
         &mut self,
         structure: &Structure,
         lattice: &Lattice,
@@ -134,6 +135,7 @@ impl<T: Real, const ROWS: usize> Linearization<T, ROWS> {
         losses: Losses,
         radial_floor: f64,
         side: Side,
+        observer: &mut dyn Observer,
     ) {
         let stride = self.stride;
         let groups = PointGroups::new(structure);
@@ -141,7 +143,7 @@ impl<T: Real, const ROWS: usize> Linearization<T, ROWS> {
         let params = parallel::split_mut(&mut self.params, &groups.observations(2 * stride));
         let blocks = parallel::split_mut(&mut self.points, &groups.points);
         let mut pieces: Vec<_> = rows.into_iter().zip(params).zip(blocks).collect();
-        parallel::for_each_mut(&mut pieces, |g, ((rows, params), blocks)| {
+        parallel::for_each_mut_breathing(&mut pieces, observer, |g, ((rows, params), blocks)| {
             let first = structure.track(groups.points[g]).start;
             let mut columns: [Vec<f64>; 3] = Default::default();
             for (block, p) in blocks.iter_mut().zip(groups.points[g]..) {
@@ -194,7 +196,8 @@ impl<T: Real, const ROWS: usize> Linearization<T, ROWS> {
                 block.triangle = triangle(&mut columns);
                 block.free = !structure.fixed_points && count >= 2 && has_full_rank(&block.triangle);
             }
-        });
+        })
+        .await;
     }
 
     /// Derivatives of the pixel by the parameters of an observation's camera, both rows.

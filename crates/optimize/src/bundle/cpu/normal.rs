@@ -6,6 +6,7 @@ use super::PIXELS;
 use super::linearization::{Linearization, MAX_BLOCK};
 use super::structure::Structure;
 use crate::bundle::problem::ParamPrior;
+use crate::lm::Observer;
 use crate::parallel;
 use crate::reduced::coarse::{Basis, CoarseMatrix};
 use crate::reduced::{BlockMatrix, Vectorized, dispatch};
@@ -41,13 +42,15 @@ pub(super) struct CameraNormal {
 }
 
 impl CameraNormal {
-    pub(super) fn new<T: Real, const ROWS: usize>(
+    pub(super) async fn new<T: Real, const ROWS: usize>(
         structure: &Structure,
         linearization: &Linearization<T, ROWS>,
         priors: &[Vec<ParamPrior>],
         params: &[[f64; epipole_geometry::camera::MAX_PARAMS]],
+        observer: &mut dyn Observer,
     ) -> Self {
-        let images = parallel::map_indices(structure.num_images(), |i| image_block(structure, linearization, i));
+        let block = |i| image_block(structure, linearization, i);
+        let images = parallel::map_indices_breathing(structure.num_images(), observer, block).await;
         let dim = structure.layout.dim();
         let (mut prior_gradient, mut prior_diagonal) = (vec![0.0; dim], vec![0.0; dim]);
         for (c, priors) in priors.iter().enumerate() {

@@ -13,6 +13,7 @@ use super::normal::CameraNormal;
 use super::structure::Structure;
 use crate::bundle::options::{Options, Solver};
 use crate::error::OptimizeError;
+use crate::lm::Observer;
 use crate::reduced::{BlockJacobi, BlockMatrix, BlockPattern, Cholesky, LinearOperator, PcgOptions, pcg};
 
 /// Block products per second of the assembly, on one core (measured on bonsai292; `scale.md` §4 had 20e6).
@@ -76,8 +77,8 @@ impl ReducedSolver {
         Ok(Self { kind, matrix: BlockMatrix::zeros(pattern), pcg: options.pcg, second_level })
     }
 
-    /// The camera step and the products it took; `None` where there is no solution.
-    pub(super) fn solve<T: Real, const ROWS: usize>(
+    /// The camera step and the products it took; `None` where there is no solution, or the observer asks to stop.
+    pub(super) async fn solve<T: Real, const ROWS: usize>(
         &mut self,
         structure: &Structure,
         linearization: &Linearization<T, ROWS>,
@@ -85,15 +86,19 @@ impl ReducedSolver {
         damped: &[DampedPoint],
         centers: &[DVec3],
         lambda: f64,
+        observer: &mut dyn Observer,
     ) -> Option<(Vec<f64>, usize)> {
         self.matrix.fill_zero();
         normal.add_to(structure, lambda, &mut self.matrix);
         let mut rhs = normal.right_hand_side();
-        subtract_points(structure, linearization, damped, &mut self.matrix, &mut rhs);
+        subtract_points(structure, linearization, damped, &mut self.matrix, &mut rhs, observer).await;
+        if observer.should_stop() {
+            return None;
+        }
         normal.clear_removed(&mut rhs);
         self.matrix.remove_unknowns(&normal.removed);
         if let Kind::Cholesky(cholesky) = &mut self.kind {
-            return cholesky.solve(&self.matrix, &rhs).ok().map(|x| (x, 1));
+            return cholesky.solve(&self.matrix, &rhs, observer).await.ok().map(|x| (x, 1));
         }
         let jacobi = BlockJacobi::new(&self.matrix);
         let coarse = self.second_level.at(structure, linearization, normal, damped, centers, lambda);
@@ -104,7 +109,7 @@ impl ReducedSolver {
             }
         };
         let result = if matches!(self.kind, Kind::PcgExplicit) {
-            pcg(&mut Explicit(&self.matrix), precondition, &rhs, &self.pcg)
+            pcg(&mut Explicit(&self.matrix), precondition, &rhs, &self.pcg, observer).await
         } else {
             let mut operator = ImplicitOperator {
                 structure,
@@ -115,7 +120,7 @@ impl ReducedSolver {
                 lambda,
                 projected: vec![[T::ZERO; ROWS]; structure.image.len()],
             };
-            pcg(&mut operator, precondition, &rhs, &self.pcg)
+            pcg(&mut operator, precondition, &rhs, &self.pcg, observer).await
         };
         self.second_level.took(result.iterations, self.pcg.max_iterations);
         Some((result.x, result.iterations))

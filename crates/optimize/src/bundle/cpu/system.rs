@@ -21,8 +21,9 @@ use crate::bundle::frustum::Frusta;
 use crate::bundle::options::Options;
 use crate::bundle::problem::{ParamPrior, Problem};
 use crate::error::OptimizeError;
+use crate::executor::block_on;
 use crate::extraction::Progress;
-use crate::lm::{Evaluation, Places, Step, System, Trial};
+use crate::lm::{Evaluation, Observer, Places, Step, System, Trial, breath};
 
 /// Accepted steps between two evaluations of the residuals from scratch, where they are carried as differences
 /// (source: `solver.md` §5.5).
@@ -69,8 +70,20 @@ pub struct CpuSystem<T: Real, const ROWS: usize = PIXELS> {
 impl<T: Real, const ROWS: usize> CpuSystem<T, ROWS> {
     /// Checks a problem and makes it resident.
     pub fn new(problem: &Problem, options: &Options) -> Result<Self, OptimizeError> {
+        block_on(Self::prepare(problem, options, &mut ()))
+    }
+
+    /// [`Self::new`] for a host that may not block.
+    pub(in crate::bundle) async fn prepare(
+        problem: &Problem,
+        options: &Options,
+        observer: &mut dyn Observer,
+    ) -> Result<Self, OptimizeError> {
         problem.validate()?;
         let structure = Structure::new(problem);
+        breath(observer).await;
+        let solver = ReducedSolver::new(&structure, options)?;
+        breath(observer).await;
         let lattice = Lattice::new::<T>(problem, &structure);
         let cameras = Cameras::new(problem, &lattice);
         let points = Points::new(problem, &lattice);
@@ -91,7 +104,7 @@ impl<T: Real, const ROWS: usize> CpuSystem<T, ROWS> {
             linearization: Linearization::new(&structure),
             normal: None,
             damped: Vec::new(),
-            solver: ReducedSolver::new(&structure, options)?,
+            solver,
             accepted: 0,
             radial_floor: 1.0,
             progress: Progress::START,
@@ -181,7 +194,7 @@ fn prior_cost(priors: &[Vec<ParamPrior>], params: &[[f64; MAX_PARAMS]], structur
 }
 
 impl<T: Real, const ROWS: usize> System for CpuSystem<T, ROWS> {
-    async fn refresh(&mut self) -> Evaluation {
+    async fn refresh(&mut self, _: &mut dyn Observer) -> Evaluation {
         if self.active.is_dynamic() {
             self.extract();
         }
@@ -191,8 +204,8 @@ impl<T: Real, const ROWS: usize> System for CpuSystem<T, ROWS> {
         Evaluation { cost, active: self.active.count() }
     }
 
-    async fn linearize(&mut self) {
-        self.linearization.update(
+    async fn linearize(&mut self, observer: &mut dyn Observer) {
+        let update = self.linearization.update(
             &self.structure,
             &self.lattice,
             &self.cameras,
@@ -202,11 +215,14 @@ impl<T: Real, const ROWS: usize> System for CpuSystem<T, ROWS> {
             self.losses,
             self.radial_floor,
             self.depths.side,
+            observer,
         );
-        self.normal = Some(CameraNormal::new(&self.structure, &self.linearization, &self.priors, &self.cameras.params));
+        update.await;
+        let (structure, params) = (&self.structure, &self.cameras.params);
+        self.normal = Some(CameraNormal::new(structure, &self.linearization, &self.priors, params, observer).await);
     }
 
-    async fn solve(&mut self, lambda: f64) -> Option<Step> {
+    async fn solve(&mut self, lambda: f64, observer: &mut dyn Observer) -> Option<Step> {
         let normal = self.normal.as_ref()?;
         let (structure, linearization) = (&self.structure, &self.linearization);
         damp_points(linearization, lambda, &mut self.damped);
@@ -214,8 +230,10 @@ impl<T: Real, const ROWS: usize> System for CpuSystem<T, ROWS> {
         let (x, inner_iterations) = if normal.is_empty() {
             (vec![0.0; structure.layout.dim()], 0)
         } else {
-            self.solver.solve(structure, linearization, normal, damped, &self.cameras.center, lambda)?
+            let centers = &self.cameras.center;
+            self.solver.solve(structure, linearization, normal, damped, centers, lambda, observer).await?
         };
+        breath(observer).await;
         let step = CameraStep::new(structure, &x);
         let promise =
             back_substitute(structure, linearization, damped, &step, &self.points.offset, &mut self.next_points);
@@ -264,7 +282,7 @@ impl<T: Real, const ROWS: usize> System for CpuSystem<T, ROWS> {
         if self.radial_floor < 1.0 && !self.losses.is_squared() {
             // Not the damping but the curvature was too small: weights alone give a good step at once.
             self.radial_floor = 1.0;
-            self.linearize().await;
+            self.linearize(&mut ()).await;
         }
     }
 

@@ -14,6 +14,7 @@ use super::trial::evaluate;
 use super::{PIXELS, WITH_DEPTH};
 use crate::active::{Activation, ActiveSet};
 use crate::bundle::{Depth, PoseFreedom, Problem};
+use crate::executor::block_on;
 use crate::loss::Loss;
 
 /// Three images: two share a camera, one has its own; the second may only move, not turn.
@@ -83,7 +84,10 @@ fn derivatives_agree<const ROWS: usize>(problem: &Problem) {
     assert_eq!(active.count(), 27);
     let losses = Losses::new(problem);
     let mut linearization = Linearization::new(&structure);
-    linearization.update(&structure, &lattice, &cameras, &points, &residual, &active, losses, 1.0, depths.side);
+    let (side, observer) = (depths.side, &mut ());
+    block_on(
+        linearization.update(&structure, &lattice, &cameras, &points, &residual, &active, losses, 1.0, side, observer),
+    );
 
     let h = 1e-6;
     let agree = |plus: &[[f64; ROWS]], minus: &[[f64; ROWS]], o: usize, derivative: [f64; ROWS]| {

@@ -6,7 +6,7 @@ use super::system::GpuSystem;
 use crate::active::Activation;
 use crate::extraction::{Progress, ResidualLimit};
 use crate::gpu::GpuError;
-use crate::lm::Evaluation;
+use crate::lm::{Evaluation, Observer};
 use crate::loss::Loss;
 
 /// Larger than any sum of losses: the limit before anything is known.
@@ -78,19 +78,19 @@ impl Membership {
 
 impl GpuSystem<'_> {
     /// Decides the set at the accepted state, and gives its cost. Points may be moved before; F falls or stays.
-    pub(super) async fn decide(&mut self) -> Result<Evaluation, GpuError> {
+    pub(super) async fn decide(&mut self, observer: &mut dyn Observer) -> Result<Evaluation, GpuError> {
         if !self.membership.started {
             if self.membership.is_dynamic() {
                 // Everything that may enter, to see which limit suits it.
                 self.prepare(NO_LIMIT, FIRST_PASS);
                 let mut encoder = self.device().encoder();
-                self.resident.record(&mut encoder, "refresh")?;
+                self.record_through(&mut encoder, "refresh", observer).await?;
                 let totals = self.totals_of(encoder).await?;
                 self.membership.limit.follow(totals[4], totals[3] as usize);
             }
             self.prepare(self.membership.limit.tau as f32, FIRST_PASS);
             let mut encoder = self.device().encoder();
-            self.resident.record(&mut encoder, "refresh")?;
+            self.record_through(&mut encoder, "refresh", observer).await?;
             self.device().submit(encoder);
             self.membership.started = true;
         } else if let Some((sum_of_logs, count)) = self.membership.accepted.take() {
@@ -100,9 +100,9 @@ impl GpuSystem<'_> {
         self.prepare(self.membership.limit.tau as f32, flags);
         let mut encoder = self.device().encoder();
         if self.membership.is_dynamic() {
-            self.resident.record(&mut encoder, "revive")?;
+            self.record_through(&mut encoder, "revive", observer).await?;
         }
-        self.resident.record(&mut encoder, "refresh")?;
+        self.record_through(&mut encoder, "refresh", observer).await?;
         let totals = self.totals_of(encoder).await?;
         let outside = f64::from(self.resident.params.observations) - totals[3];
         let share = outside / f64::from(self.resident.params.observations.max(1));

@@ -18,8 +18,8 @@ use crate::bundle::options::Options;
 use crate::bundle::problem::Problem;
 use crate::error::OptimizeError;
 use crate::gpu::sums::{ROW_BYTES, totals};
-use crate::gpu::{Device, Failure, GpuError, ReadBack};
-use crate::lm::{Evaluation, Step, System, Trial};
+use crate::gpu::{Device, Failure, GpuError, Halt, ReadBack, Turns};
+use crate::lm::{Evaluation, Observer, Places, Step, System, Trial};
 
 /// Accepted steps between two evaluations of the residuals from scratch (source: `solver.md` §5.5).
 const RESIDUAL_REFRESH: usize = 10;
@@ -32,6 +32,7 @@ const WORK_PER_SUBMIT: usize = 40_000_000;
 /// not, this many more are queued: those after the stop are empty dispatches, cheaper than to ask again.
 const SPARE_ITERATIONS: usize = 4;
 const MORE_ITERATIONS: usize = 100;
+const KERNELS_PER_ITERATION: usize = 3;
 /// Bytes that an observation moves in a product, and products that a step is worth beside those of PCG
 /// (source: `solver.md` §6).
 const PRODUCT_BYTES: f64 = 60.0;
@@ -64,8 +65,11 @@ pub struct GpuSystem<'a> {
     lambda: f64,
     /// Whether a state was accepted and no copy of it asked for yet.
     is_unsaved: bool,
+    /// The LM iteration whose state an observer saw last.
+    drawn: usize,
     pub(super) checkpoints: Checkpoints,
     counters: Cell<Counters>,
+    turns: Turns,
 }
 
 /// Whether what is known of depths has squares in `f32`.
@@ -127,8 +131,10 @@ impl<'a> GpuSystem<'a> {
             iteration: 0,
             lambda: 0.0,
             is_unsaved: false,
+            drawn: 0,
             checkpoints,
             counters: Cell::default(),
+            turns: Turns::default(),
         })
     }
 
@@ -148,7 +154,9 @@ impl<'a> GpuSystem<'a> {
 
     /// What has been asked of the device so far.
     pub fn counters(&self) -> Counters {
-        Counters { dispatches: self.resident.dispatches(), ..self.counters.get() }
+        let counters = self.counters.get();
+        let submissions = counters.submissions + self.turns.taken();
+        Counters { dispatches: self.resident.dispatches(), submissions, ..counters }
     }
 
     fn count(&self, change: impl FnOnce(&mut Counters)) {
@@ -167,8 +175,34 @@ impl<'a> GpuSystem<'a> {
     }
 
     /// Keeps the first failure; the loop then sees a step without a solution and the observer's wish to stop.
-    fn kept<T>(&self, result: Result<T, GpuError>) -> Option<T> {
+    fn kept<T>(&self, result: Result<T, impl Into<Halt>>) -> Option<T> {
         self.failure.keep(result)
+    }
+
+    fn observations(&self) -> usize {
+        self.resident.params.observations as usize
+    }
+
+    /// Records a kernel over all observations, the last of a turn where that is due.
+    async fn record(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        name: &'static str,
+        observer: &mut dyn Observer,
+    ) -> Result<(), Halt> {
+        self.resident.record(encoder, name)?;
+        self.turns.take(self.device, encoder, self.observations(), observer).await
+    }
+
+    /// The same where the state is between two accepted ones: the solve cannot end here, only pause.
+    pub(super) async fn record_through(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        name: &'static str,
+        observer: &mut dyn Observer,
+    ) -> Result<(), GpuError> {
+        self.resident.record(encoder, name)?;
+        self.turns.rest(self.device, encoder, self.observations(), observer).await
     }
 
     /// Sums of a kernel over points that has just been recorded.
@@ -183,49 +217,48 @@ impl<'a> GpuSystem<'a> {
         Ok(totals(&rows))
     }
 
-    async fn evaluate(&mut self) -> Result<Evaluation, GpuError> {
+    async fn evaluate(&mut self, observer: &mut dyn Observer) -> Result<Evaluation, GpuError> {
         let mut encoder = self.device.encoder();
-        self.resident.record(&mut encoder, "refresh")?;
+        self.record_through(&mut encoder, "refresh", observer).await?;
         let totals = self.totals_of(encoder).await?;
         Ok(Evaluation { cost: 0.5 * totals[1] + self.prior_cost, active: totals[3] as usize })
     }
 
-    fn queue_linearization(&mut self) -> Result<(), GpuError> {
+    async fn queue_linearization(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
         let mut encoder = self.device.encoder();
-        self.resident.record(&mut encoder, "reweight")?;
+        self.record(&mut encoder, "reweight", observer).await?;
         self.queue_compaction(&mut encoder)?;
-        let resident = &self.resident;
-        resident.record(&mut encoder, "linearize_point")?;
-        resident.record(&mut encoder, "linearize_camera")?;
-        resident.record(&mut encoder, "scale_camera")?;
+        for name in ["linearize_point", "linearize_camera", "scale_camera"] {
+            self.record(&mut encoder, name, observer).await?;
+        }
         self.submit(encoder);
-        self.device.check()
+        Ok(self.device.check()?)
     }
 
-    pub(super) async fn queue_start(&mut self, lambda: f64) -> Result<(), GpuError> {
+    pub(super) async fn queue_start(&mut self, lambda: f64, observer: &mut dyn Observer) -> Result<(), Halt> {
         self.resident.params.lambda = lambda as f32;
         self.resident.write_params(self.device);
-        let resident = &self.resident;
         let mut encoder = self.device.encoder();
-        resident.record(&mut encoder, "damp_point")?;
-        resident.record(&mut encoder, "precondition_camera")?;
-        resident.record(&mut encoder, "precondition_group")?;
-        resident.record(&mut encoder, "precondition_factor")?;
+        for name in ["damp_point", "precondition_camera", "precondition_group", "precondition_factor"] {
+            self.record(&mut encoder, name, observer).await?;
+        }
         if self.coarse.is_due(self.accepted) {
             self.submit(encoder);
             self.count(|c| c.read_backs += 1);
             let submitted = || self.count(|c| c.submissions += 1);
-            self.coarse.assemble(self.device, resident, &self.layout.chunks, submitted).await?;
+            let (resident, chunks) = (&self.resident, &self.layout.chunks);
+            self.coarse.assemble(self.device, resident, chunks, submitted, &self.turns, observer).await?;
             encoder = self.device.encoder();
         }
-        resident.record(&mut encoder, "pcg_start")?;
+        self.record(&mut encoder, "pcg_start", observer).await?;
         self.submit(encoder);
         Ok(())
     }
 
-    fn queue_iterations(&self, count: usize) -> Result<(), GpuError> {
+    async fn queue_iterations(&self, count: usize, observer: &mut dyn Observer) -> Result<(), Halt> {
         let resident = &self.resident;
-        let bearable = WORK_PER_SUBMIT / (resident.params.observations as usize).max(1);
+        let observations = self.observations();
+        let bearable = WORK_PER_SUBMIT / observations.max(1);
         let before = resident.dispatches();
         let mut left = count;
         while left > 0 {
@@ -234,6 +267,8 @@ impl<'a> GpuSystem<'a> {
             for _ in 0..batch {
                 resident.record_by_chunk(&mut encoder, &["product_point", "product_camera"])?;
                 resident.record(&mut encoder, "pcg_step")?;
+                // Its three kernels are a turn together: as short as any of those that stand alone.
+                self.turns.take(self.device, &mut encoder, KERNELS_PER_ITERATION * observations, observer).await?;
             }
             self.submit(encoder);
             left -= batch;
@@ -246,7 +281,7 @@ impl<'a> GpuSystem<'a> {
     }
 
     /// The tried state and everything the host decides on, as if PCG were done.
-    fn queue_trial(&self) -> Result<(), GpuError> {
+    async fn queue_trial(&self, observer: &mut dyn Observer) -> Result<(), Halt> {
         let resident = &self.resident;
         let mut encoder = self.device.encoder();
         resident.record(&mut encoder, "step_camera")?;
@@ -254,9 +289,9 @@ impl<'a> GpuSystem<'a> {
         if self.layout.priors.any {
             resident.record(&mut encoder, "prior_camera")?;
         }
-        resident.record(&mut encoder, "back_substitute")?;
-        resident.record(&mut encoder, "change_point")?;
-        resident.record(&mut encoder, "trial")?;
+        for name in ["back_substitute", "change_point", "trial"] {
+            self.record(&mut encoder, name, observer).await?;
+        }
         resident.record(&mut encoder, "reduce step")?;
         resident.record(&mut encoder, "reduce trial")?;
         let bytes = resident.reduced * ROW_BYTES;
@@ -268,16 +303,16 @@ impl<'a> GpuSystem<'a> {
         Ok(())
     }
 
-    async fn compute_step(&mut self, lambda: f64) -> Result<Option<Step>, GpuError> {
-        self.queue_start(lambda).await?;
+    async fn compute_step(&mut self, lambda: f64, observer: &mut dyn Observer) -> Result<Option<Step>, Halt> {
+        self.queue_start(lambda, observer).await?;
         let rows = self.resident.reduced as usize;
         let mut queued = 0;
         loop {
             let first = (self.expected + SPARE_ITERATIONS).min(self.max_iterations);
             let batch = if queued == 0 { first } else { (self.max_iterations - queued).min(MORE_ITERATIONS) };
-            self.queue_iterations(batch)?;
+            self.queue_iterations(batch, observer).await?;
             queued += batch;
-            self.queue_trial()?;
+            self.queue_trial(observer).await?;
             self.count(|c| c.read_backs += 1);
             let read: Vec<[f32; 8]> = self.read_back.get(self.device, 1 + 2 * rows).await?;
             let [iterations, done, _, improved, length, largest, prior_decrease, prior_cost] = read[0].map(f64::from);
@@ -332,15 +367,15 @@ impl GpuSystem<'_> {
 }
 
 impl System for GpuSystem<'_> {
-    async fn refresh(&mut self) -> Evaluation {
+    async fn refresh(&mut self, observer: &mut dyn Observer) -> Evaluation {
         let evaluation = match self.evaluation {
             _ if self.membership.may_return() => {
-                let evaluation = self.decide().await;
+                let evaluation = self.decide(observer).await;
                 self.kept(evaluation).unwrap_or(self.after)
             }
             Some(evaluation) => evaluation,
             None => {
-                let evaluation = self.evaluate().await;
+                let evaluation = self.evaluate(observer).await;
                 self.kept(evaluation).unwrap_or(self.after)
             }
         };
@@ -351,19 +386,19 @@ impl System for GpuSystem<'_> {
         evaluation
     }
 
-    async fn linearize(&mut self) {
-        let queued = self.queue_linearization();
+    async fn linearize(&mut self, observer: &mut dyn Observer) {
+        let queued = self.queue_linearization(observer).await;
         self.kept(queued);
     }
 
-    async fn solve(&mut self, lambda: f64) -> Option<Step> {
+    async fn solve(&mut self, lambda: f64, observer: &mut dyn Observer) -> Option<Step> {
         self.trial = Trial { decrease: f64::NAN };
         if self.failure.get().is_some() {
             return None;
         }
         (self.iteration, self.lambda) = (self.iteration + 1, lambda);
         self.count(|c| c.steps += 1);
-        let step = self.compute_step(lambda).await;
+        let step = self.compute_step(lambda, observer).await;
         self.kept(step).flatten()
     }
 
@@ -385,4 +420,15 @@ impl System for GpuSystem<'_> {
     }
 
     async fn reject(&mut self) {}
+
+    /// From the copies of accepted states that are made anyway: a step or a few behind, and nothing waits for it.
+    async fn places(&mut self) -> Option<Places> {
+        let harvested = self.checkpoints.harvest(&self.layout);
+        self.kept(harvested)?;
+        let (checkpoint, state) = self.checkpoints.last()?;
+        let iteration = checkpoint.iteration;
+        let places = (iteration > self.drawn).then(|| self.places_in(state));
+        self.drawn = iteration;
+        places
+    }
 }

@@ -11,6 +11,7 @@ use super::records::{ALL, HIDDEN, Intrinsics, OUT, Point, TRUNCATED, View, param
 use super::system::GpuSystem;
 use crate::bundle::problem::{PoseFreedom, Problem};
 use crate::gpu::GpuError;
+use crate::lm::Places;
 
 /// An observation's `Residual`: what the device last knew of it, and what was measured of its depth.
 struct Held {
@@ -109,6 +110,28 @@ impl GpuSystem<'_> {
         Some([x - px[0], y - px[1], depth])
     }
 
+    /// Where everything is in a state, for whoever draws it.
+    pub(super) fn places_in(&self, state: &Snapshot) -> Places {
+        let centers = (0..).zip(state.views.iter().map(|view| self.center(view)));
+        let mut points = Vec::new();
+        for (chunk, records) in self.layout.chunks.iter().zip(&state.points) {
+            let seen = chunk.tracks.windows(2).map(|track| track[0] < track[1]);
+            let numbered = (chunk.first_point as u32..).zip(records);
+            points
+                .extend(numbered.zip(seen).filter(|(_, seen)| *seen).map(|((p, point), _)| (p, self.position(point))));
+        }
+        Places { centers: centers.collect(), points }
+    }
+
+    fn center(&self, view: &View) -> DVec3 {
+        let cell = std::array::from_fn(|k| view[12 + k] as i32);
+        self.layout.lattice.center_position(cell, std::array::from_fn(|k| f32::from_bits(view[4 * k + 3])))
+    }
+
+    fn position(&self, point: &Point) -> DVec3 {
+        self.layout.lattice.position(point[3], std::array::from_fn(|k| f32::from_bits(point[k])))
+    }
+
     fn write_state(&self, problem: &mut Problem, state: &Snapshot) {
         self.write_cameras(problem, &state.views, &state.intrinsics);
         for (chunk, points) in self.layout.chunks.iter().zip(&state.points) {
@@ -117,13 +140,11 @@ impl GpuSystem<'_> {
     }
 
     fn write_cameras(&self, problem: &mut Problem, views: &[View], intrinsics: &[Intrinsics]) {
-        let lattice = &self.layout.lattice;
         let real = f32::from_bits;
         for ((pose, view), freedom) in problem.cam_from_world.iter_mut().zip(views).zip(&problem.pose_freedom) {
             let row = |k: usize| DVec3::from_array(std::array::from_fn(|j| f64::from(real(view[4 * k + j]))));
             let rotation = DQuat::from_mat3(&DMat3::from_cols(row(0), row(1), row(2)).transpose()).normalize();
-            let cell = std::array::from_fn(|k| view[12 + k] as i32);
-            let center = lattice.center_position(cell, std::array::from_fn(|k| real(view[4 * k + 3])));
+            let center = self.center(view);
             match freedom {
                 PoseFreedom::Free => *pose = Rigid3::from_rotation_and_center(rotation, center),
                 PoseFreedom::RotationFixed => *pose = Rigid3::from_rotation_and_center(pose.rotation, center),
@@ -146,7 +167,7 @@ impl GpuSystem<'_> {
         let positions = &mut problem.points[chunk.first_point..];
         for (position, (point, track)) in positions.iter_mut().zip(points.iter().zip(chunk.tracks.windows(2))) {
             if track[0] < track[1] {
-                *position = self.layout.lattice.position(point[3], std::array::from_fn(|k| f32::from_bits(point[k])));
+                *position = self.position(point);
             }
         }
     }

@@ -13,7 +13,7 @@ use super::normal::{LinearSolver, Normal, Shape};
 use super::options::Options;
 use super::vec3::{add, sub};
 use crate::error::OptimizeError;
-use crate::lm::{self, LmReport, Observer};
+use crate::lm::{self, LmReport, Observer, breath};
 use crate::loss::Loss;
 use system::System;
 
@@ -80,9 +80,11 @@ impl<T: Real> Backend for Cpu<'_, T> {
         Ok(convex.linearize(self.layout, self.rays, &self.positions))
     }
 
-    async fn solve(&mut self, lambda: f64) -> Result<Option<ConvexStep>, OptimizeError> {
+    async fn solve(&mut self, lambda: f64, observer: &mut dyn Observer) -> Result<Option<ConvexStep>, OptimizeError> {
         let Some(convex) = &mut self.convex else { return Ok(None) };
-        let Some(step) = convex.normal.solve(self.layout, &convex.blocks, lambda) else { return Ok(None) };
+        let solved = convex.normal.solve(self.layout, &convex.blocks, lambda, observer).await;
+        let Some(step) = solved else { return Ok(None) };
+        breath(observer).await;
         let positions = &mut self.positions;
         let mut moved = 0.0f64;
         for (center, delta) in positions.centers.iter_mut().zip(&step.centers) {
@@ -106,6 +108,7 @@ impl<T: Real> Backend for Cpu<'_, T> {
     ) -> Result<LmReport, OptimizeError> {
         self.convex = None;
         let mut system = System::new(self.layout, rays, self.positions.clone(), options)?;
+        breath(observer).await;
         let report = lm::minimize(&mut system, &options.lm, observer).await;
         self.positions = system.into_positions();
         Ok(report)

@@ -13,7 +13,7 @@ use crate::positioning::layout::{Layout, Rays};
 use crate::positioning::normal::{self, Normal, Shape};
 use crate::positioning::options::Options;
 use crate::positioning::triangle::Triangle;
-use crate::positioning::vec3::{Vec3, add, dot, scale, sub, to_dvec3, zero};
+use crate::positioning::vec3::{Vec3, add, dot, scale, sub, zero};
 
 /// Centres and points as unknowns, every free scale re-solved exactly at every state (`reference/solver.md` §3.2).
 ///
@@ -78,20 +78,21 @@ impl<'a, T: Real> System<'a, T> {
 }
 
 impl<T: Real> lm::System for System<'_, T> {
-    async fn refresh(&mut self) -> lm::Evaluation {
+    async fn refresh(&mut self, _: &mut dyn lm::Observer) -> lm::Evaluation {
         self.evaluation
     }
 
-    async fn linearize(&mut self) {
+    async fn linearize(&mut self, observer: &mut dyn lm::Observer) {
         let (rays, model) = (self.rays, &self.model);
         linearize(self.layout, &self.accepted, &mut self.blocks, |o, d| {
             model.linearize(rays.direction[o], rays.weight[o], rays.pin[o], d)
         });
+        lm::breath(observer).await;
         self.normal.gather(self.layout, &self.blocks);
     }
 
-    async fn solve(&mut self, lambda: f64) -> Option<lm::Step> {
-        self.step = self.normal.solve(self.layout, &self.blocks, lambda);
+    async fn solve(&mut self, lambda: f64, observer: &mut dyn lm::Observer) -> Option<lm::Step> {
+        self.step = self.normal.solve(self.layout, &self.blocks, lambda, observer).await;
         self.step.as_ref().map(|step| lm::Step {
             predicted_decrease: step.predicted_decrease,
             inner_iterations: step.inner_iterations.max(1),
@@ -137,13 +138,7 @@ impl<T: Real> lm::System for System<'_, T> {
     }
 
     async fn places(&mut self) -> Option<lm::Places> {
-        let list = |index: &[u32], positions: &[Vec3<T>]| {
-            index.iter().copied().zip(positions.iter().map(|&p| to_dvec3(p))).collect()
-        };
-        Some(lm::Places {
-            centers: list(&self.layout.image_of_camera, &self.accepted.centers),
-            points: list(&self.layout.source_point, &self.accepted.points),
-        })
+        Some(self.accepted.places(self.layout))
     }
 }
 

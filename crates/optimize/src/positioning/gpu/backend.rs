@@ -4,7 +4,7 @@ use super::processor::Gpu;
 use super::records::{Gauge, Stage};
 use super::system::Projection;
 use crate::error::OptimizeError;
-use crate::gpu::{Failure, Guard};
+use crate::gpu::{Failure, Guard, Halt};
 use crate::lm::{LmOptions, LmReport, Observer, minimize};
 use crate::positioning::backend::{Backend, ConvexStep, Objective};
 use crate::positioning::gauge::Positions;
@@ -36,12 +36,12 @@ impl Backend for Gpu<'_> {
         Ok(self.linearize().await?.cost)
     }
 
-    async fn solve(&mut self, lambda: f64) -> Result<Option<ConvexStep>, OptimizeError> {
-        let Some(tried) = self.step(lambda).await? else { return Ok(None) };
-        self.queue_commit(Gauge::Keep)?;
-        self.queue_linearization()?;
-        let [_, moved, extent] = tried.largest;
-        Ok(Some(ConvexStep { cost: tried.after.cost, inner_iterations: tried.iterations, moved, extent }))
+    async fn solve(&mut self, lambda: f64, observer: &mut dyn Observer) -> Result<Option<ConvexStep>, OptimizeError> {
+        match self.convex_step(lambda, observer).await {
+            Ok(step) => Ok(step),
+            Err(Halt::Stopped) => Ok(None),
+            Err(failed) => Err(failed.into()),
+        }
     }
 
     async fn project(
@@ -78,5 +78,16 @@ impl Backend for Gpu<'_> {
 
     fn place(&mut self, positions: &Positions<f32>) {
         self.upload(positions);
+    }
+}
+
+impl Gpu<'_> {
+    async fn convex_step(&mut self, lambda: f64, observer: &mut dyn Observer) -> Result<Option<ConvexStep>, Halt> {
+        let Some(tried) = self.step(lambda, observer).await? else { return Ok(None) };
+        self.queue_commit(Gauge::Keep)?;
+        let [_, moved, extent] = tried.largest;
+        // What is left out if a person stops here belongs to the next step.
+        self.queue_linearization(observer).await?;
+        Ok(Some(ConvexStep { cost: tried.after.cost, inner_iterations: tried.iterations, moved, extent }))
     }
 }

@@ -3,10 +3,11 @@
 use super::chunks::Chunks;
 use super::records::{Gauge, Settings, camera_weights, point_record, ray_records};
 use super::resident::Resident;
-use crate::gpu::kernels::REDUCE;
 use crate::gpu::kernels::positioning as kernels;
+use crate::gpu::kernels::{Kernel, REDUCE};
 use crate::gpu::sums::{ROW_BYTES, totals};
-use crate::gpu::{Device, GpuError, ReadBack};
+use crate::gpu::{Device, GpuError, Halt, ReadBack, Turns};
+use crate::lm::Observer;
 use crate::positioning::gauge::Positions;
 use crate::positioning::layout::{Layout, Rays};
 
@@ -55,6 +56,7 @@ pub(crate) struct Gpu<'a> {
     /// Iterations of the last solve: what to queue for the next.
     expected: usize,
     pub(super) read_backs: usize,
+    turns: Turns,
 }
 
 impl<'a> Gpu<'a> {
@@ -88,6 +90,7 @@ impl<'a> Gpu<'a> {
             clipped: false,
             expected: ITERATIONS_PER_SUBMIT,
             read_backs: 0,
+            turns: Turns::default(),
         })
     }
 
@@ -135,13 +138,27 @@ impl<'a> Gpu<'a> {
         self.device.write(&self.resident.shared.settings, &self.settings.words());
     }
 
+    /// Records kernels that are a turn together, and ends the turn where that is due.
+    async fn record(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        kernels: &[Kernel],
+        observer: &mut dyn Observer,
+    ) -> Result<(), Halt> {
+        self.resident.record(encoder, kernels)?;
+        let observations = kernels.len() * self.layout.camera.len();
+        self.turns.take(self.device, encoder, observations, observer).await
+    }
+
     /// Queues the linearisation at the accepted positions.
-    pub(super) fn queue_linearization(&self) -> Result<(), GpuError> {
+    pub(super) async fn queue_linearization(&self, observer: &mut dyn Observer) -> Result<(), Halt> {
         self.write_settings();
         let mut encoder = self.device.encoder();
-        self.resident.record(&mut encoder, &[kernels::LINEARIZE, kernels::SPREAD])?;
+        for kernel in [kernels::LINEARIZE, kernels::SPREAD] {
+            self.record(&mut encoder, &[kernel], observer).await?;
+        }
         self.device.submit(encoder);
-        self.device.check()
+        Ok(self.device.check()?)
     }
 
     /// Linearises at the accepted positions, and returns the objective there.
@@ -159,24 +176,25 @@ impl<'a> Gpu<'a> {
         Ok(Totals { cost: totals[1], active: totals[3] as usize })
     }
 
-    fn queue_start(&mut self, lambda: f64) -> Result<(), GpuError> {
+    async fn queue_start(&mut self, lambda: f64, observer: &mut dyn Observer) -> Result<(), Halt> {
         self.settings.lambda = lambda as f32;
         self.write_settings();
         let mut encoder = self.device.encoder();
-        let start = [kernels::DAMP, kernels::PRECONDITION, kernels::FACTOR, kernels::PCG_START];
-        self.resident.record(&mut encoder, &start)?;
+        for kernel in [kernels::DAMP, kernels::PRECONDITION, kernels::FACTOR, kernels::PCG_START] {
+            self.record(&mut encoder, &[kernel], observer).await?;
+        }
         self.device.submit(encoder);
         Ok(())
     }
 
-    fn queue_iterations(&self, count: usize) -> Result<(), GpuError> {
+    async fn queue_iterations(&self, count: usize, observer: &mut dyn Observer) -> Result<(), Halt> {
         let mut left = count;
         while left > 0 {
             let batch = left.min(ITERATIONS_PER_SUBMIT);
             let mut encoder = self.device.encoder();
             for _ in 0..batch {
                 let iteration = [kernels::PRODUCT_POINT, kernels::PRODUCT_CAMERA, kernels::PCG_STEP];
-                self.resident.record(&mut encoder, &iteration)?;
+                self.record(&mut encoder, &iteration, observer).await?;
             }
             self.device.submit(encoder);
             left -= batch;
@@ -185,10 +203,11 @@ impl<'a> Gpu<'a> {
     }
 
     /// The tried state and everything the host decides on, as if PCG were done.
-    fn queue_trial(&self) -> Result<(), GpuError> {
+    async fn queue_trial(&self, observer: &mut dyn Observer) -> Result<(), Halt> {
         let resident = &self.resident;
         let mut encoder = self.device.encoder();
-        resident.record(&mut encoder, &[kernels::STEP_CAMERA, kernels::STEP_POINT, REDUCE])?;
+        self.record(&mut encoder, &[kernels::STEP_CAMERA, kernels::STEP_POINT], observer).await?;
+        resident.record(&mut encoder, &[REDUCE])?;
         self.read_back.copy(&mut encoder, &resident.shared.vectors, 0, 0, STATE_BYTES);
         let bytes = resident.rows as u64 * ROW_BYTES;
         self.read_back.copy(&mut encoder, &resident.shared.reduced, 0, STATE_BYTES, bytes);
@@ -197,14 +216,14 @@ impl<'a> Gpu<'a> {
     }
 
     /// Solves the linearised objective and tries the step; `None` where the solution is not finite.
-    pub(super) async fn step(&mut self, lambda: f64) -> Result<Option<Tried>, GpuError> {
-        self.queue_start(lambda)?;
+    pub(super) async fn step(&mut self, lambda: f64, observer: &mut dyn Observer) -> Result<Option<Tried>, Halt> {
+        self.queue_start(lambda, observer).await?;
         let mut queued = 0;
         loop {
             let batch = if queued == 0 { self.expected + SPARE_ITERATIONS } else { 2 * ITERATIONS_PER_SUBMIT };
-            self.queue_iterations(batch)?;
+            self.queue_iterations(batch, observer).await?;
             queued += batch;
-            self.queue_trial()?;
+            self.queue_trial(observer).await?;
             self.read_backs += 1;
             let read: Vec<[f32; 8]> = self.read_back.get(self.device, 1 + self.resident.rows).await?;
             let [iterations, done, _, improved, length, largest @ ..] = read[0].map(f64::from);

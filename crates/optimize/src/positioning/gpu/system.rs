@@ -3,7 +3,7 @@
 use super::processor::{Gpu, Totals};
 use super::records::Gauge;
 use crate::gpu::Failure;
-use crate::lm::{Evaluation, Step, System, Trial};
+use crate::lm::{Evaluation, Observer, Places, Step, System, Trial};
 
 /// The problem while the loop drives it. The objective is `½ Σ ω ρ(‖v − s d‖²)` over all observations that take part.
 pub(super) struct Projection<'g, 'a> {
@@ -29,7 +29,7 @@ impl From<Totals> for Evaluation {
 }
 
 impl System for Projection<'_, '_> {
-    async fn refresh(&mut self) -> Evaluation {
+    async fn refresh(&mut self, _: &mut dyn Observer) -> Evaluation {
         if let Some(evaluation) = self.evaluation {
             return evaluation;
         }
@@ -40,19 +40,20 @@ impl System for Projection<'_, '_> {
         evaluation
     }
 
-    async fn linearize(&mut self) {
+    async fn linearize(&mut self, observer: &mut dyn Observer) {
         if !self.linearized {
-            self.failure.keep(self.gpu.queue_linearization());
+            let queued = self.gpu.queue_linearization(observer).await;
+            self.failure.keep(queued);
             self.linearized = true;
         }
     }
 
-    async fn solve(&mut self, lambda: f64) -> Option<Step> {
+    async fn solve(&mut self, lambda: f64, observer: &mut dyn Observer) -> Option<Step> {
         self.decrease = f64::NAN;
         if self.failure.get().is_some() {
             return None;
         }
-        let tried = self.gpu.step(lambda).await;
+        let tried = self.gpu.step(lambda, observer).await;
         let tried = self.failure.keep(tried).flatten()?;
         self.decrease = tried.decrease;
         self.after = tried.after.into();
@@ -73,4 +74,9 @@ impl System for Projection<'_, '_> {
     }
 
     async fn reject(&mut self) {}
+
+    async fn places(&mut self) -> Option<Places> {
+        let positions = self.gpu.download().await;
+        self.failure.keep(positions).map(|positions| positions.places(self.gpu.layout))
+    }
 }

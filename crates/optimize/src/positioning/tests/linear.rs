@@ -1,6 +1,7 @@
 //! The step against the textbook: derivatives by differences, elimination against the full system.
 
 use super::scene::{Kind, Noise, Random, scene};
+use crate::executor::block_on;
 use crate::loss::Loss;
 use crate::positioning::block::{Block, Model};
 use crate::positioning::layout::Layout;
@@ -112,7 +113,7 @@ fn elimination_gives_the_step_of_the_full_system() {
         let expected = dense_solve(matrix, right);
         let mut normal = Normal::new(&layout, shape, LinearSolver::Cholesky).unwrap();
         normal.gather(&layout, &blocks);
-        let step = normal.solve(&layout, &blocks, lambda).unwrap();
+        let step = block_on(normal.solve(&layout, &blocks, lambda, &mut ())).unwrap();
         let found = step.centers.iter().chain(&step.points).flatten();
         for (found, expected) in found.zip(&expected) {
             assert!((found - expected).abs() < 1e-9 * (1.0 + expected.abs()), "{shape:?} {found} {expected}");

@@ -21,7 +21,8 @@ use super::chunk::Chunk;
 use super::resident::Resident;
 use crate::bundle::options::{Options, Preconditioner};
 use crate::bundle::problem::Problem;
-use crate::gpu::{Device, GpuError, ReadBack};
+use crate::gpu::{Device, GpuError, Halt, ReadBack, Turns};
+use crate::lm::Observer;
 use crate::reduced::coarse::{
     MIN_IMAGES, Memberships, REBUILD_AFTER, STEPS_AT_LIMIT, invert, memberships as cluster_memberships,
 };
@@ -95,7 +96,9 @@ impl Coarse {
         resident: &Resident,
         chunks: &[Chunk],
         mut submitted: impl FnMut(),
-    ) -> Result<(), GpuError> {
+        turns: &Turns,
+        observer: &mut dyn Observer,
+    ) -> Result<(), Halt> {
         let buffers = &resident.buffers.coarse;
         let mut encoder = device.encoder();
         resident.record(&mut encoder, "coarse_modes")?;
@@ -110,6 +113,7 @@ impl Coarse {
             resident.record_on_chunk(&mut encoder, piece.chunk, "coarse_entry")?;
             resident.record(&mut encoder, "coarse_pair")?;
             resident.record(&mut encoder, "coarse_subtract")?;
+            turns.take(device, &mut encoder, self.plan.limits.entries, observer).await?;
         }
         let bytes = self.plan.blocks.len() as u64 * BLOCK_BYTES;
         self.read_back.copy(&mut encoder, &buffers.matrix, 0, 0, bytes);
@@ -122,7 +126,7 @@ impl Coarse {
             words.extend(inverse);
         }
         device.write(&buffers.inverse, &words);
-        device.check()
+        Ok(device.check()?)
     }
 
     /// A⁻¹ by rows, 0 for columns without content; `None` where no shift makes the matrix positive definite.

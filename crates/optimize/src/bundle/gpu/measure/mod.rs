@@ -102,10 +102,10 @@ pub async fn operator(
     timing: &Timing<'_>,
 ) -> Result<Operator, OptimizeError> {
     let mut system = GpuSystem::new(device, problem, options)?;
-    system.refresh().await;
-    system.linearize().await;
+    system.refresh(&mut ()).await;
+    system.linearize(&mut ()).await;
     // PCG at its start: the kernels return at once when it is done.
-    system.queue_start(LAMBDA).await?;
+    system.queue_start(LAMBDA, &mut ()).await?;
     device.check()?;
     let system = &system;
     let queue = |count: usize| {

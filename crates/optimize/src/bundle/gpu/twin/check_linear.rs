@@ -5,6 +5,7 @@ use super::coarse::check_coarse;
 use super::num::{Bounded, Num};
 use super::state::State;
 use crate::bundle::gpu::records::OUT;
+use crate::gpu::Turns;
 
 /// A refresh from the state of the twins to that after it. What rounding decides is the device's to decide.
 pub(super) fn check_refresh(bench: &Bench<'_>, twin: &State<f32>, exact: &State<Bounded>, after: &State<f32>) {
@@ -130,7 +131,9 @@ pub(super) fn check_preconditioner(bench: &Bench<'_>) {
     // Once with the second level and once without.
     if bench.system.layout.chunks.len() == 1 {
         let (system, resident) = (&bench.system, &bench.system.resident);
-        let made = system.coarse.assemble(system.device(), resident, &system.layout.chunks, || {});
+        let (turns, observer) = (Turns::default(), &mut ());
+        let chunks = &system.layout.chunks;
+        let made = system.coarse.assemble(system.device(), resident, chunks, || {}, &turns, observer);
         pollster::block_on(made).expect("a live device");
     }
 

@@ -18,8 +18,8 @@ fn compaction_moves_what_counts_to_the_front_and_loses_nothing() {
     for residency in [Residency::default(), Residency { chunk_observations: 1000 }] {
         let mut system = GpuSystem::with_residency(&device, &problem, &options, &residency).expect("a good problem");
         system.membership.compact_share = 0.0;
-        let active = block_on(system.refresh()).active;
-        block_on(system.linearize());
+        let active = block_on(system.refresh(&mut ())).active;
+        block_on(system.linearize(&mut ()));
         let mut counted = 0;
         for (chunk, buffers) in system.layout.chunks.iter().zip(&system.resident.chunks) {
             let (points, observations) = (chunk.points.len(), chunk.by_point.len());
@@ -71,13 +71,13 @@ fn a_step_is_the_same_compacted_or_not() {
         let mut system = GpuSystem::new(&device, &problem, &options).expect("a good problem");
         system.membership.compact_share = share;
         block_on(async {
-            let active = system.refresh().await.active;
+            let active = system.refresh(&mut ()).await.active;
             assert!(active < problem.observation_px.len() * 3 / 4, "nothing is out");
-            system.linearize().await;
-            let step = system.solve(1e-4).await.expect("a solution");
+            system.linearize(&mut ()).await;
+            let step = system.solve(1e-4, &mut ()).await.expect("a solution");
             let decrease = system.try_step().await.decrease;
             system.accept().await;
-            let after = system.refresh().await;
+            let after = system.refresh(&mut ()).await;
             (step.predicted_decrease, decrease, after.cost, after.active)
         })
     };

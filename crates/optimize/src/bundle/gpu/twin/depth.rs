@@ -44,12 +44,12 @@ fn kernels_agree_with_their_twins_on_cameras_of_every_model_and_with_other_losse
 
 /// Of a state: cost and how many count. Of a step from there: promised and found decrease, and the same of the next state.
 async fn step(system: &mut impl System) -> ([f64; 4], [usize; 2]) {
-    let before = system.refresh().await;
-    system.linearize().await;
-    let step = system.solve(1e-3).await.expect("a solution");
+    let before = system.refresh(&mut ()).await;
+    system.linearize(&mut ()).await;
+    let step = system.solve(1e-3, &mut ()).await.expect("a solution");
     let decrease = system.try_step().await.decrease;
     system.accept().await;
-    let after = system.refresh().await;
+    let after = system.refresh(&mut ()).await;
     ([before.cost, step.predicted_decrease, decrease, after.cost], [before.active, after.active])
 }
 
@@ -101,8 +101,8 @@ fn the_first_set_and_its_cost_are_those_of_the_cpu_also_where_depths_have_no_pro
             let options = Options { activation, ..Options::default() };
             let cpu = CpuSystem::<f64, WITH_DEPTH>::new(problem, &options).expect("a good problem");
             let mut gpu = GpuSystem::new(&device, problem, &options).expect("a good problem");
-            let (mut cpu, found) = (cpu, block_on(gpu.refresh()));
-            let wanted = block_on(cpu.refresh());
+            let (mut cpu, found) = (cpu, block_on(gpu.refresh(&mut ())));
+            let wanted = block_on(cpu.refresh(&mut ()));
             println!("{name} {activation:?}: {found:?} for {wanted:?}");
             assert!((found.cost / wanted.cost - 1.0).abs() < 1e-5, "{name} {activation:?}");
             assert!(found.active.abs_diff(wanted.active) <= 1, "{name} {activation:?}");

@@ -96,9 +96,9 @@ fn pcg_agrees_with_its_twins_on_thousands_of_images() {
         common::perturb(&mut problem, 0.1, 0.01, 3);
         let mut system = GpuSystem::new(&device, &problem, &Options::default()).expect("a good problem");
         block_on(async {
-            system.refresh().await;
-            system.linearize().await;
-            system.queue_start(1e-3).await.expect("a live device");
+            system.refresh(&mut ()).await;
+            system.linearize(&mut ()).await;
+            system.queue_start(1e-3, &mut ()).await.expect("a live device");
         });
         let bench = Bench { system };
         assert!(bench.units() > 4096);

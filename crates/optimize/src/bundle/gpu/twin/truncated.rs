@@ -131,8 +131,8 @@ fn check(device: &Device, problem: &Problem) {
         refresh(&mut bench, 0);
         assert!(out(&bench) < first, "{first} {}", out(&bench));
 
-        block_on(bench.system.linearize());
-        assert!(block_on(bench.system.solve(1e-4)).is_some());
+        block_on(bench.system.linearize(&mut ()));
+        assert!(block_on(bench.system.solve(1e-4, &mut ())).is_some());
         check_trial(&bench);
         block_on(bench.system.accept());
         refresh(&mut bench, 0);
