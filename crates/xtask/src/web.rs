@@ -48,9 +48,14 @@ pub(crate) struct Arguments {
     quick: bool,
 }
 
-/// What the page loads beside its own modules, made by the build and never committed.
-pub(crate) fn vendor() -> PathBuf {
+/// The module with the JavaScript around it, made by the build and never committed.
+fn vendor() -> PathBuf {
     root().join("web/vendor")
+}
+
+/// What is served, made by [`pack`] and never committed.
+pub(crate) fn dist() -> PathBuf {
+    root().join("web/dist")
 }
 
 pub(crate) fn build(arguments: &Arguments) -> Result<(), Error> {
@@ -70,10 +75,6 @@ pub(crate) fn build(arguments: &Arguments) -> Result<(), Error> {
     let mut bindgen = cargo(&["run", "--locked", "-p", "epipole-bindgen", "--"]);
     run(bindgen.arg(&module).arg(&folder), "")?;
     packages()?;
-    plots(&folder)?;
-    copy(&modules().join("uplot/dist/uPlot.min.css"), &folder.join("uPlot.min.css"))?;
-    copy(&modules().join("uplot/dist/uPlot.d.ts"), &folder.join("uPlot.esm.d.ts"))?;
-    copy(&root().join("tests/fixtures/orbit/database.db"), &folder.join("sample.db"))?;
     let wasm = folder.join("epipole_web_bg.wasm");
     if !arguments.quick {
         // No feature flags: the module says itself what it uses, and more is refused by browsers.
@@ -83,7 +84,17 @@ pub(crate) fn build(arguments: &Arguments) -> Result<(), Error> {
         run(&mut opt, "")?;
         fs::rename(&small, &wasm).map_err(|source| Error::Io { path: wasm.clone(), source })?;
     }
+    pack()?;
     report()
+}
+
+/// Puts together what is served, from the page's modules as they are now and the engine as it was built last. It takes less than
+/// a second, so that whoever serves or tests without building does it too.
+pub(crate) fn pack() -> Result<(), Error> {
+    packages()?;
+    let mut script = Command::new("node");
+    script.arg(root().join("crates/xtask/js/pack.mjs")).arg(root());
+    run(&mut script, "`cargo xtask web` builds the engine, where that is what is missing")
 }
 
 /// Panics name their file: without where this machine keeps the crates, so that every machine makes the same module.
@@ -95,25 +106,13 @@ fn anonymous_sources() -> Vec<String> {
     folders.into_iter().map(|folder| format!("--remap-path-prefix={folder}/=")).collect()
 }
 
-fn copy(from: &Path, to: &Path) -> Result<(), Error> {
-    fs::copy(from, to).map(|_| ()).map_err(|source| Error::Io { path: from.to_owned(), source })
-}
-
-/// uPlot's small build is a script that sets a variable; the page loads modules.
-fn plots(folder: &Path) -> Result<(), Error> {
-    let from = modules().join("uplot/dist/uPlot.iife.min.js");
-    let script = fs::read_to_string(&from).map_err(|source| Error::Io { path: from, source })?;
-    let path = folder.join("uPlot.esm.js");
-    fs::write(&path, format!("{script}\nexport default uPlot;\n")).map_err(|source| Error::Io { path, source })
-}
-
 /// The npm packages of `web/package.json`.
 pub(crate) fn modules() -> PathBuf {
     root().join("web/node_modules")
 }
 
 pub(crate) fn packages() -> Result<(), Error> {
-    if modules().join("uplot").exists() && modules().join("playwright-core").exists() {
+    if ["uplot", "esbuild", "playwright-core"].iter().all(|package| modules().join(package).exists()) {
         return Ok(());
     }
     if output("npm", &["--version"]).is_none() {
@@ -166,7 +165,7 @@ fn clang() -> Result<(&'static str, &'static str), Error> {
 /// Sizes of everything a first visit loads, as it is and compressed.
 fn report() -> Result<(), Error> {
     let script = root().join("crates/xtask/js/page_size.mjs");
-    let sizes = output("node", &[&script.to_string_lossy(), &root().to_string_lossy()])
+    let sizes = output("node", &[&script.to_string_lossy(), &dist().to_string_lossy()])
         .ok_or_else(|| Error::Missing("node could not measure the page".into()))?;
     println!("{sizes}");
     let total = sizes.lines().last().and_then(|line| line.split_whitespace().last()?.parse::<u64>().ok()).unwrap_or(0);
