@@ -25,7 +25,7 @@ const { pickFiles, pickFolder } = startDropping((entries, what) => session.open(
 
 /** @param {(text: string, done?: number, total?: number) => void} told */
 const loaded = (told) => (/** @type {number} */ done, /** @type {number} */ total) => told(`Loading ${bytes(done)}${total >= done && total > 0 ? ` of ${bytes(total)}` : ""}`, done, total);
-const sample = () => session.open((signal) => fromUrl(new URL("./vendor/sample.db", import.meta.url).href, loaded(view.progress), signal), "the sample");
+const sample = () => session.open((signal) => fromUrl(new URL("./sample.db", import.meta.url).href, loaded(view.progress), signal), "the sample");
 
 const view = scenePanel(byId("scene"), store, engine, pictures, {
   pickFiles, pickFolder, sample, solve: () => run.solve(), giveUp: () => session.giveUp(), shown: (figures) => run.shown(figures),

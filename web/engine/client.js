@@ -19,7 +19,7 @@ export class Refusal extends Error {
 /**
  * A module worker that obeys this page's content security policy: a worker loaded by address has only the policy of its
  * own response, one made here inherits ours.
- * @param {string} path relative to this file
+ * @param {string} path beside the page's script: `crates/xtask/js/pack.mjs` puts all that is served into one folder
  */
 export function policedWorker(path) {
   const address = URL.createObjectURL(new Blob([`import ${JSON.stringify(new URL(path, import.meta.url).href)};`], { type: "text/javascript" }));
@@ -48,7 +48,7 @@ export class Engine {
 
   start() {
     this.used = false;
-    this.worker = policedWorker("./worker.js");
+    this.worker = policedWorker("./engine-worker.js");
     this.worker.onmessage = ({ data }) => {
       if (data.id === undefined) {
         if (data.type === "ready") {

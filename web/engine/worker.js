@@ -113,7 +113,7 @@ function failure(error) {
   return { file: "the engine", message, hint: "" };
 }
 
-const started = init({ module_or_path: new URL("../vendor/epipole_web_bg.wasm", import.meta.url) });
+const started = init({ module_or_path: new URL("./epipole_web_bg.wasm", import.meta.url) });
 
 addEventListener("message", async ({ data }) => {
   if (data.type === "pause") paused = true;

@@ -1,7 +1,7 @@
 // Live plots: cost and damping an LM iteration, the histogram of errors, the error of every image. A plot is made once and fed;
 // during a solve it is fed a few times a second, so that drawing never holds the page up.
 
-import uPlot from "../vendor/uPlot.esm.js";
+import uPlot from "uplot";
 import { el, heading, hide, token } from "../ui/dom.js";
 import { count, short } from "../ui/format.js";
 

@@ -10,7 +10,7 @@ export class View {
   constructor(canvas, told) {
     this.canvas = canvas;
     this.generation = 0;
-    this.worker = policedWorker("../scene/worker.js");
+    this.worker = policedWorker("./scene-worker.js");
     /** @type {Map<number, (hit: {point: number|null, image: number|null}) => void>} */
     this.picks = new Map();
     this.worker.onmessage = ({ data }) => {

@@ -35,10 +35,11 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Error> {
     let chromium = shaders::chromium(arguments.chromium.as_ref())?;
-    if !arguments.no_build {
+    if arguments.no_build {
+        web::pack()?;
+    } else {
         web::build(&web::Arguments::default())?;
     }
-    web::packages()?;
     let mut types = Command::new("node");
     types.arg(web::modules().join("typescript/bin/tsc")).arg("-p").arg(root().join("web"));
     run_within(&mut types, TYPES_LIMIT, "mend the types in `web`")?;
@@ -48,7 +49,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Error> {
     let out = target_dir().join("browser");
     fs::create_dir_all(&out).map_err(|source| Error::Io { path: out.clone(), source })?;
     let specs = specs(&arguments.specs)?;
-    let server = Server::new(0)?;
+    let server = Server::new(0, web::dist())?;
     let mut node = Command::new("node");
     node.args(["--test", "--test-concurrency=1", "--test-reporter=spec"]).args(specs);
     node.env("EPIPOLE_PAGE", format!("http://{}/", server.address));

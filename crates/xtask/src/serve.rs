@@ -11,7 +11,6 @@ use std::time::Duration;
 use clap::Args;
 
 use crate::error::Error;
-use crate::process::root;
 use crate::web;
 
 #[derive(Args)]
@@ -19,7 +18,7 @@ pub(crate) struct Arguments {
     /// Port; 0 takes a free one.
     #[arg(long, default_value_t = 8080)]
     port: u16,
-    /// Serve what was built before.
+    /// Serve the engine that was built before.
     #[arg(long)]
     no_build: bool,
     #[command(flatten)]
@@ -32,19 +31,22 @@ const PATIENCE: Duration = Duration::from_secs(20);
 const MAX_HEAD_BYTES: u64 = 65_536;
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Error> {
-    if !arguments.no_build {
+    if arguments.no_build {
+        web::pack()?;
+    } else {
         web::build(&arguments.build)?;
     }
-    let server = Server::new(arguments.port)?;
+    let server = Server::new(arguments.port, web::dist())?;
     println!("Epipole is at http://{}", server.address);
     server.answer();
     Ok(())
 }
 
-/// Files of the page for this machine's own browser. A thread a connection and a connection a request: nobody waits for
+/// Files of one folder for this machine's own browser. A thread a connection and a connection a request: nobody waits for
 /// anybody, which servers with a pool of threads cannot say of browsers that open connections ahead.
 pub(crate) struct Server {
     listener: TcpListener,
+    folder: PathBuf,
     /// Where it listens.
     pub(crate) address: SocketAddr,
     is_over: AtomicBool,
@@ -52,11 +54,11 @@ pub(crate) struct Server {
 
 impl Server {
     /// Listens on this machine's own address; port 0 takes a free one.
-    pub(crate) fn new(port: u16) -> Result<Self, Error> {
-        let bind = || {
+    pub(crate) fn new(port: u16, folder: PathBuf) -> Result<Self, Error> {
+        let bind = move || {
             let listener = TcpListener::bind(("127.0.0.1", port))?;
             let address = listener.local_addr()?;
-            Ok(Self { listener, address, is_over: AtomicBool::new(false) })
+            Ok(Self { listener, folder, address, is_over: AtomicBool::new(false) })
         };
         bind().map_err(|e: io::Error| {
             Error::Missing(format!("port {port} cannot be used: {e}; choose another with --port"))
@@ -71,7 +73,7 @@ impl Server {
                     break;
                 }
                 // A browser that went away is nobody's mistake.
-                let _ = stream.map(|stream| scope.spawn(move || answer(stream)));
+                let _ = stream.map(|stream| scope.spawn(move || answer(stream, &self.folder)));
             }
         });
     }
@@ -84,7 +86,7 @@ impl Server {
     }
 }
 
-fn answer(mut stream: TcpStream) -> io::Result<()> {
+fn answer(mut stream: TcpStream, folder: &Path) -> io::Result<()> {
     stream.set_read_timeout(Some(PATIENCE))?;
     stream.set_write_timeout(Some(PATIENCE))?;
     let mut lines = BufReader::new(stream.try_clone()?.take(MAX_HEAD_BYTES)).lines();
@@ -97,7 +99,7 @@ fn answer(mut stream: TcpStream) -> io::Result<()> {
     }
     let mut words = request.split_whitespace();
     let (method, url) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
-    let (status, kind, body) = match (method, local(url)) {
+    let (status, kind, body) = match (method, local(folder, url)) {
         ("GET" | "HEAD", Some(path)) => ("200 OK", kind(&path), fs::read(&path)?),
         ("GET" | "HEAD", None) => ("404 Not Found", "text/plain", Vec::new()),
         _ => ("405 Method Not Allowed", "text/plain", Vec::new()),
@@ -115,13 +117,12 @@ fn answer(mut stream: TcpStream) -> io::Result<()> {
     stream.flush()
 }
 
-/// The file of an address: the page, its modules, nothing else of this machine.
-fn local(url: &str) -> Option<PathBuf> {
+/// The file of an address: one of the folder's, nothing else of this machine.
+fn local(folder: &Path, url: &str) -> Option<PathBuf> {
     let path = url.split(['?', '#']).next()?.trim_start_matches('/');
     let path = if path.is_empty() { "index.html" } else { path };
     let plain = Path::new(path).components().all(|part| matches!(part, Component::Normal(_)));
-    let served = path == "index.html" || (path.starts_with("web/") && !path.starts_with("web/node_modules"));
-    (plain && served).then(|| root().join(path)).filter(|path| path.is_file())
+    plain.then(|| folder.join(path)).filter(|path| path.is_file())
 }
 
 fn kind(path: &Path) -> &'static str {
@@ -139,17 +140,18 @@ fn kind(path: &Path) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::process::root;
 
     #[test]
     fn a_silent_connection_holds_nobody_up() {
-        let server = Server::new(0).expect("a free port");
+        let server = Server::new(0, root()).expect("a free port");
         thread::scope(|scope| {
             scope.spawn(|| server.answer());
             let silent: Vec<TcpStream> =
                 (0..16).map(|_| TcpStream::connect(server.address).expect("a connection")).collect();
             for (request, status) in [
                 ("GET / HTTP/1.1\r\nHost: a\r\n\r\n", "200"),
-                ("GET /Cargo.toml HTTP/1.1\r\n\r\n", "404"),
+                ("GET /web/../Cargo.toml HTTP/1.1\r\n\r\n", "404"),
                 ("POST / HTTP/1.1\r\n\r\n", "405"),
                 ("\r\n\r\n", "405"),
             ] {
@@ -166,13 +168,12 @@ mod tests {
     }
 
     #[test]
-    fn only_the_page_is_served() {
-        assert!(local("/").is_some_and(|path| path.ends_with("index.html")));
-        assert!(local("/web/app.js?v=1").is_some());
-        for outside in
-            ["/Cargo.toml", "/web/../Cargo.toml", "//etc/passwd", "/web/node_modules/uplot/package.json", "/web"]
-        {
-            assert!(local(outside).is_none(), "{outside}");
+    fn only_files_of_the_folder_are_served() {
+        assert!(local(&root(), "/").is_some_and(|path| path.ends_with("index.html")));
+        let web = root().join("web");
+        assert!(local(&web, "/app.js?v=1").is_some());
+        for outside in ["/../Cargo.toml", "/styles/../../Cargo.toml", "//etc/passwd", "/styles", "/none.js"] {
+            assert!(local(&web, outside).is_none(), "{outside}");
         }
     }
 }

@@ -23,11 +23,20 @@ const FEATURES: &str = "-Ctarget-feature=+simd128";
 /// For link-time optimisation only: it sees all crates at once and would inline what their own builds left apart. At LLVM's 225
 /// the module is a tenth larger and not faster.
 const LINK_FLAGS: &str = "-Cllvm-args=-inline-threshold=5 -inlinehint-threshold=100";
-/// What the compiler cannot do: functions of different crates that came out alike become one. All of `-O2` takes a minute more
-/// and the result compresses worse.
-const OPT_PASSES: [&str; 3] = ["--duplicate-function-elimination", "--merge-similar-functions", "--vacuum"];
-/// A database is read, by a handful of plain queries: what else SQLite can do is left out, a third of its size. Undone first
-/// is what sqlite-wasm-rs switches on.
+/// What the compiler cannot do: functions of different crates that came out alike become one, stores and jumps that change nothing
+/// go, and locals are numbered by use, which compresses better. Chosen by the compressed size: merging functions that are only
+/// similar, shorter instructions or all of `-O2`, which takes a minute more, make the module smaller and its compressed form larger.
+const OPT_PASSES: [&str; 6] = [
+    "--duplicate-function-elimination",
+    "--rse",
+    "--remove-unused-brs",
+    "--remove-unused-names",
+    "--vacuum",
+    "--reorder-locals",
+];
+/// A database is read, by a handful of plain queries: what else SQLite can do is left out, two fifths of its size. Undone first
+/// is what sqlite-wasm-rs switches on. Schemas still parse with all that they declare; what the amalgamation's ready-made parser calls
+/// (views, triggers, virtual tables, `ALTER`) cannot be left out, and databases in UTF-16 must stay readable.
 const SQLITE_FLAGS: &str = "-USQLITE_ENABLE_FTS5 -USQLITE_ENABLE_RTREE -USQLITE_ENABLE_SESSION \
     -USQLITE_ENABLE_PREUPDATE_HOOK -USQLITE_ENABLE_MATH_FUNCTIONS -USQLITE_ENABLE_BYTECODE_VTAB \
     -USQLITE_ENABLE_DBPAGE_VTAB -USQLITE_ENABLE_DBSTAT_VTAB -USQLITE_ENABLE_STMTVTAB -USQLITE_ENABLE_UNLOCK_NOTIFY \
@@ -35,7 +44,11 @@ const SQLITE_FLAGS: &str = "-USQLITE_ENABLE_FTS5 -USQLITE_ENABLE_RTREE -USQLITE_
     -DSQLITE_OMIT_AUTHORIZATION -DSQLITE_OMIT_COMPLETE -DSQLITE_OMIT_GET_TABLE -DSQLITE_OMIT_PROGRESS_CALLBACK \
     -DSQLITE_OMIT_TCL_VARIABLE -DSQLITE_OMIT_TRACE -DSQLITE_OMIT_DESERIALIZE -DSQLITE_OMIT_COMPILEOPTION_DIAGS \
     -DSQLITE_UNTESTABLE -DSQLITE_OMIT_LOCALTIME -DSQLITE_OMIT_INTROSPECTION_PRAGMAS \
-    -DSQLITE_OMIT_XFER_OPT -DSQLITE_OMIT_LIKE_OPTIMIZATION -DSQLITE_OMIT_QUICKBALANCE -DSQLITE_OMIT_TRUNCATE_OPTIMIZATION";
+    -DSQLITE_OMIT_XFER_OPT -DSQLITE_OMIT_LIKE_OPTIMIZATION -DSQLITE_OMIT_QUICKBALANCE -DSQLITE_OMIT_TRUNCATE_OPTIMIZATION \
+    -USQLITE_ENABLE_API_ARMOR -USQLITE_ENABLE_COLUMN_METADATA -DSQLITE_OMIT_AUTOINCREMENT -DSQLITE_OMIT_AUTOMATIC_INDEX \
+    -DSQLITE_OMIT_AUTOVACUUM -DSQLITE_OMIT_BETWEEN_OPTIMIZATION -DSQLITE_OMIT_CHECK -DSQLITE_OMIT_COMPOUND_SELECT \
+    -DSQLITE_OMIT_EXPLAIN -DSQLITE_OMIT_FOREIGN_KEY -DSQLITE_OMIT_HEX_INTEGER -DSQLITE_OMIT_INTEGRITY_CHECK \
+    -DSQLITE_OMIT_OR_OPTIMIZATION -DSQLITE_OMIT_UPSERT";
 /// All that a first visit loads, compressed (issue 5).
 const LIMIT_BYTES: u64 = 1_000_000;
 
@@ -48,9 +61,14 @@ pub(crate) struct Arguments {
     quick: bool,
 }
 
-/// What the page loads beside its own modules, made by the build and never committed.
-pub(crate) fn vendor() -> PathBuf {
+/// The module with the JavaScript around it, made by the build and never committed.
+fn vendor() -> PathBuf {
     root().join("web/vendor")
+}
+
+/// What is served, made by [`pack`] and never committed.
+pub(crate) fn dist() -> PathBuf {
+    root().join("web/dist")
 }
 
 pub(crate) fn build(arguments: &Arguments) -> Result<(), Error> {
@@ -70,10 +88,6 @@ pub(crate) fn build(arguments: &Arguments) -> Result<(), Error> {
     let mut bindgen = cargo(&["run", "--locked", "-p", "epipole-bindgen", "--"]);
     run(bindgen.arg(&module).arg(&folder), "")?;
     packages()?;
-    plots(&folder)?;
-    copy(&modules().join("uplot/dist/uPlot.min.css"), &folder.join("uPlot.min.css"))?;
-    copy(&modules().join("uplot/dist/uPlot.d.ts"), &folder.join("uPlot.esm.d.ts"))?;
-    copy(&root().join("tests/fixtures/orbit/database.db"), &folder.join("sample.db"))?;
     let wasm = folder.join("epipole_web_bg.wasm");
     if !arguments.quick {
         // No feature flags: the module says itself what it uses, and more is refused by browsers.
@@ -83,7 +97,17 @@ pub(crate) fn build(arguments: &Arguments) -> Result<(), Error> {
         run(&mut opt, "")?;
         fs::rename(&small, &wasm).map_err(|source| Error::Io { path: wasm.clone(), source })?;
     }
+    pack()?;
     report()
+}
+
+/// Puts together what is served, from the page's modules as they are now and the engine as it was built last. It takes less than
+/// a second, so that whoever serves or tests without building does it too.
+pub(crate) fn pack() -> Result<(), Error> {
+    packages()?;
+    let mut script = Command::new("node");
+    script.arg(root().join("crates/xtask/js/pack.mjs")).arg(root());
+    run(&mut script, "`cargo xtask web` builds the engine, where that is what is missing")
 }
 
 /// Panics name their file: without where this machine keeps the crates, so that every machine makes the same module.
@@ -95,25 +119,13 @@ fn anonymous_sources() -> Vec<String> {
     folders.into_iter().map(|folder| format!("--remap-path-prefix={folder}/=")).collect()
 }
 
-fn copy(from: &Path, to: &Path) -> Result<(), Error> {
-    fs::copy(from, to).map(|_| ()).map_err(|source| Error::Io { path: from.to_owned(), source })
-}
-
-/// uPlot's small build is a script that sets a variable; the page loads modules.
-fn plots(folder: &Path) -> Result<(), Error> {
-    let from = modules().join("uplot/dist/uPlot.iife.min.js");
-    let script = fs::read_to_string(&from).map_err(|source| Error::Io { path: from, source })?;
-    let path = folder.join("uPlot.esm.js");
-    fs::write(&path, format!("{script}\nexport default uPlot;\n")).map_err(|source| Error::Io { path, source })
-}
-
 /// The npm packages of `web/package.json`.
 pub(crate) fn modules() -> PathBuf {
     root().join("web/node_modules")
 }
 
 pub(crate) fn packages() -> Result<(), Error> {
-    if modules().join("uplot").exists() && modules().join("playwright-core").exists() {
+    if ["uplot", "esbuild", "playwright-core"].iter().all(|package| modules().join(package).exists()) {
         return Ok(());
     }
     if output("npm", &["--version"]).is_none() {
@@ -166,7 +178,7 @@ fn clang() -> Result<(&'static str, &'static str), Error> {
 /// Sizes of everything a first visit loads, as it is and compressed.
 fn report() -> Result<(), Error> {
     let script = root().join("crates/xtask/js/page_size.mjs");
-    let sizes = output("node", &[&script.to_string_lossy(), &root().to_string_lossy()])
+    let sizes = output("node", &[&script.to_string_lossy(), &dist().to_string_lossy()])
         .ok_or_else(|| Error::Missing("node could not measure the page".into()))?;
     println!("{sizes}");
     let total = sizes.lines().last().and_then(|line| line.split_whitespace().last()?.parse::<u64>().ok()).unwrap_or(0);

@@ -16,6 +16,9 @@ const FILL_POINTS: usize = 256;
 /// No slot for this column in the current row.
 const ABSENT: u32 = u32::MAX;
 
+/// A 3-vector of each point. Behind a pointer: it is asked for once a participant, and the unrolled loops around it are large.
+type PointVector<'a> = dyn Fn(usize) -> [f64; 3] + Sync + Send + 'a;
+
 impl BlockMatrix {
     /// `A −= Σ_points E Eᵀ`. `fill(point, factors)` writes, for each participant of the point in order, `Eᵀ`: 3 rows of
     /// [`super::BlockLayout::factor_stride`] scalars, of which the first `size` count (the buffer comes zeroed, padding
@@ -103,7 +106,7 @@ fn subtract_chunk(
     incidence: &Incidence,
     participants: std::ops::Range<usize>,
     factors: &[f64],
-    z: &(impl Fn(usize) -> [f64; 3] + Sync + Send),
+    z: &PointVector<'_>,
 ) {
     let blocks = pattern.layout().num_blocks();
     let offsets: Vec<usize> =
@@ -133,7 +136,7 @@ fn subtract_chunk(
     });
 }
 
-struct Row<'a, Z> {
+struct Row<'a> {
     pattern: &'a BlockPattern,
     incidence: &'a Incidence,
     members: &'a [Member],
@@ -143,10 +146,10 @@ struct Row<'a, Z> {
     values: &'a mut [f64],
     /// Empty where no right-hand side is wanted.
     rhs: &'a mut [f64],
-    z: &'a Z,
+    z: &'a PointVector<'a>,
 }
 
-impl<Z: Fn(usize) -> [f64; 3]> Vectorized for Row<'_, Z> {
+impl Vectorized for Row<'_> {
     #[inline(always)]
     fn run<const FMA: bool>(mut self) {
         let layout = self.pattern.layout();
@@ -180,7 +183,7 @@ impl<Z: Fn(usize) -> [f64; 3]> Vectorized for Row<'_, Z> {
     }
 }
 
-impl<Z: Fn(usize) -> [f64; 3]> Row<'_, Z> {
+impl Row<'_> {
     #[inline(always)]
     fn add_to_rhs(&mut self, rows: usize, pitch: usize) {
         if self.rhs.is_empty() {
