@@ -7,6 +7,7 @@ use epipole_scene::ViewGraph;
 use wasm_bindgen::prelude::{JsValue, wasm_bindgen};
 
 use crate::error::Failure;
+use crate::helpers::TabPool;
 use crate::host::Host;
 use crate::memory::{LIMIT_BYTES, predicted_bytes};
 use crate::pictures::Decoded;
@@ -37,7 +38,8 @@ impl Session {
         }
         let mut decoded = Decoded { pictures: &self.pictures, host: host.clone() };
         let images = (!self.pictures.is_empty()).then_some(&mut decoded as &mut _);
-        let run = reconstruct(copy, &options, &mut engine, images, &mut observer);
+        let mut pool = TabPool { host: host.clone(), deafness: self.deafness.clone() };
+        let run = reconstruct(copy, &options, &mut engine, images, Some(&mut pool), &mut observer);
         let outcome = self.unless_cancelled(run).await?;
         let Outcome { reconstructions, mut report } = outcome.map_err(|e| match e {
             MapperError::Stopped => Failure::new(name, "stopped before any camera had a position", "let it run longer"),
