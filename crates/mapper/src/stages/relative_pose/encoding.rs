@@ -22,8 +22,11 @@ pub fn solve_pairs(problems: &[f64]) -> Option<Vec<f64>> {
 /// What was found for so many problems.
 pub(super) fn answers(numbers: &[f64], count: usize) -> Option<Vec<Found>> {
     let mut numbers = Numbers(numbers);
-    let found: Option<Vec<_>> = (0..count).map(|_| Found::read(&mut numbers)).collect();
-    found.filter(|_| numbers.0.is_empty())
+    let mut found = Vec::new();
+    for _ in 0..count {
+        found.push(Found::read(&mut numbers)?);
+    }
+    numbers.0.is_empty().then_some(found)
 }
 
 impl Problem {

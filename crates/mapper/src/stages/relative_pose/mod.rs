@@ -132,20 +132,20 @@ pub async fn run(
     let at_once = if pool.is_some() { 1 } else { PAIRS_AT_ONCE };
     let mut helpers = 0;
     if let Some(pool) = pool {
-        let (start, known) = (observer.now_seconds(), work.settled.len());
+        let (start, known) = (observer.now_seconds(), work.settled);
         work.solve_here(at_once, TRIAL_SECONDS, observer).await?;
-        let seconds_per_pair = (observer.now_seconds() - start) / (work.settled.len() - known) as f64;
+        let seconds_per_pair = (observer.now_seconds() - start) / (work.settled - known) as f64;
         if seconds_per_pair * work.waiting.len() as f64 >= WORTH_SECONDS {
             helpers = share(&mut work, (BATCH_SECONDS / seconds_per_pair) as usize, pool, observer).await?;
         }
     }
     work.solve_here(at_once, f64::INFINITY, observer).await?;
-    let mut settled = work.settled;
-    settled.sort_unstable_by_key(|&(pair, _)| pair);
+    let found = work.found;
     let mut summary = Summary { helpers, ..Summary::default() };
-    let mut pairs = Vec::with_capacity(settled.len());
-    for (mut pair, (_, found)) in std::mem::take(&mut graph.pairs).into_iter().zip(settled) {
-        match found {
+    let mut pairs = Vec::with_capacity(found.len());
+    for (mut pair, found) in std::mem::take(&mut graph.pairs).into_iter().zip(found) {
+        // None is left that waits.
+        match found.unwrap_or(Found::WithoutPose) {
             Found::Weak => summary.weak += 1,
             Found::WithoutPose => summary.without_pose += 1,
             Found::Stored => {

@@ -1,7 +1,5 @@
 //! The pairs of a graph on their way through the stage: which wait, and what was found for the others.
 
-use std::collections::VecDeque;
-
 use epipole_geometry::camera::Camera;
 use epipole_scene::{Pair, ViewGraph};
 use glam::DVec2;
@@ -21,22 +19,19 @@ pub(super) struct Work<'a> {
     options: &'a Options,
     matches: Matches,
     seed: u64,
-    /// Pairs that have to be solved.
-    pub(super) waiting: VecDeque<usize>,
-    /// The others, in any order.
-    pub(super) settled: Vec<(usize, Found)>,
+    /// Pairs that have to be solved, the next one last.
+    pub(super) waiting: Vec<usize>,
+    /// One entry a pair; none for those that are not settled.
+    pub(super) found: Vec<Option<Found>>,
+    pub(super) settled: usize,
 }
 
 impl<'a> Work<'a> {
     pub(super) fn new(graph: &'a ViewGraph, options: &'a Options, matches: Matches, seed: u64) -> Self {
-        let (waiting, settled) = (VecDeque::new(), Vec::with_capacity(graph.pairs.len()));
-        let mut work = Self { graph, options, matches, seed, waiting, settled };
-        for (k, pair) in graph.pairs.iter().enumerate() {
-            match work.known(pair) {
-                Some(found) => work.settled.push((k, found)),
-                None => work.waiting.push_back(k),
-            }
-        }
+        let mut work = Self { graph, options, matches, seed, waiting: Vec::new(), found: Vec::new(), settled: 0 };
+        work.found = graph.pairs.iter().map(|pair| work.known(pair)).collect();
+        work.waiting = (0..graph.pairs.len()).rev().filter(|&pair| work.found[pair].is_none()).collect();
+        work.settled = graph.pairs.len() - work.waiting.len();
         work
     }
 
@@ -88,7 +83,7 @@ impl<'a> Work<'a> {
     pub(super) fn batch(&mut self, most: usize) -> Option<(Vec<usize>, Vec<f64>)> {
         let (mut pairs, mut numbers) = (Vec::new(), Vec::new());
         while pairs.len() < most && numbers.len() < NUMBERS_PER_BATCH {
-            let Some(pair) = self.waiting.pop_front() else { break };
+            let Some(pair) = self.waiting.pop() else { break };
             self.problem(pair).write(&mut numbers);
             pairs.push(pair);
         }
@@ -108,7 +103,7 @@ impl<'a> Work<'a> {
             if observer.should_stop() {
                 return Err(MapperError::Stopped);
             }
-            let pairs: Vec<usize> = self.waiting.drain(..at_once.min(self.waiting.len())).collect();
+            let pairs = self.waiting.split_off(self.waiting.len().saturating_sub(at_once));
             let found = parallel::map(&pairs, |_, &pair| self.problem(pair).solve());
             self.settle(pairs, found);
             observer.event(&self.progress());
@@ -118,11 +113,14 @@ impl<'a> Work<'a> {
     }
 
     pub(super) fn settle(&mut self, pairs: Vec<usize>, found: Vec<Found>) {
-        self.settled.extend(pairs.into_iter().zip(found));
+        self.settled += pairs.len();
+        for (pair, found) in pairs.into_iter().zip(found) {
+            self.found[pair] = Some(found);
+        }
     }
 
     pub(super) fn progress(&self) -> Event {
-        Event::Progress { stage: Stage::RelativePose, done: self.settled.len(), total: self.graph.pairs.len() }
+        Event::Progress { stage: Stage::RelativePose, done: self.settled, total: self.graph.pairs.len() }
     }
 }
 
