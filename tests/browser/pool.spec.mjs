@@ -11,6 +11,9 @@ const ACTS_MS = 200;
 /** Thousands of pairs without a pose: some seconds of work for one worker. */
 const database = () => join(synth("pairs", ["--kind", "orbit", "--images", "120", "--points", "4000", "--no-poses", "--pairs-per-image", "40"]), "database.db");
 
+/** A few hundred pairs that have to be verified again. */
+const raw = () => join(synth("raw-pairs", ["--kind", "orbit", "--images", "60", "--points", "2500", "--raw-outliers", "0.5", "--pairs-per-image", "20"]), "database.db");
+
 /** @typedef {import("./page.mjs").Page} Page */
 /** @typedef {import("../../web/node_modules/playwright-core/index.js").Browser} Browser */
 
@@ -30,37 +33,43 @@ async function until(browser, enough) {
   assert.fail(`${await workers(browser)} workers`);
 }
 
-/** Solves with at most so many helpers. @param {Page} page @param {number} [helpers] */
-async function solve(page, helpers) {
-  const settings = { preset: "fast", refine: { rounds: 1 } };
+/** Solves with at most so many helpers. @param {Page} page @param {number} helpers @param {Record<string, any>} [further] settings */
+async function solve(page, helpers, further = {}) {
+  const settings = { preset: "fast", refine: { rounds: 1 }, ...further };
   const { value: report, failure } = await ask(page, { type: "solve", settings, backend: "cpu", helpers }, 120_000);
   assert.equal(failure, undefined);
   const stage = report.stages.find((/** @type {{ stage: string }} */ { stage }) => stage === "relative_pose");
   const { value: files } = await ask(page, { type: "export", formats: ["colmap_bin"], component: null, filter: { maxErrorPx: Infinity, minTrack: 0 }, settings });
-  return { summary: stage.summary, seconds: stage.seconds, warnings: report.warnings, model: files.map((/** @type {any} */ { path, bytes }) => [path, Buffer.from(Object.values(bytes)).toString("base64")]) };
+  return { summary: stage.summary, seconds: stage.seconds, warnings: report.warnings, model: files.map((/** @type {any} */ { path, bytes }) => [path, Buffer.from(bytes).toString("base64")]) };
 }
 
-test("helpers take part, and the model is the same bytes", { timeout: 240_000 }, async () => {
-  const { browser, page, complaints } = await open();
-  try {
-    await openScene(page, [database()]);
-    const before = await workers(browser);
-    const alone = await solve(page, 1);
-    const helped = await solve(page, 2);
-    const many = await solve(page, 5);
-    console.log(`relative poses: ${alone.seconds.toFixed(2)} s in one worker, ${helped.seconds.toFixed(2)} s with two helpers (${(alone.seconds / helped.seconds).toFixed(2)} times as fast), ${many.seconds.toFixed(2)} s with five; ${helped.summary}`);
-    assert.doesNotMatch(alone.summary, /workers/);
-    assert.match(helped.summary, /; by 2 workers$/);
-    assert.match(many.summary, /; by 5 workers$/);
-    assert.deepEqual(helped.model, alone.model);
-    assert.deepEqual(many.model, alone.model);
-    assert.deepEqual(many.warnings, alone.warnings);
-    assert.equal(await workers(browser), before, "they are ended when the stage is over");
-    assert.deepEqual(complaints, []);
-  } finally {
-    await browser.close();
-  }
-});
+for (const [what, scene, further, found] of /** @type {const} */ ([
+  ["stored matrices", database, {}, /^0 stored, \d{4} decomposed, 0 estimated; .*; by 2 workers$/],
+  ["raw matches", raw, { matches: "raw" }, /^0 stored, 0 decomposed, \d{3} estimated; .*; by 2 workers$/],
+])) {
+  test(`helpers take part in poses from ${what}, and the model is the same bytes`, { timeout: 240_000 }, async () => {
+    const { browser, page, complaints } = await open();
+    try {
+      await openScene(page, [scene()]);
+      const before = await workers(browser);
+      const alone = await solve(page, 1, further);
+      const helped = await solve(page, 2, further);
+      const many = await solve(page, 5, further);
+      console.log(`relative poses from ${what}: ${alone.seconds.toFixed(2)} s in one worker, ${helped.seconds.toFixed(2)} s with two helpers (${(alone.seconds / helped.seconds).toFixed(2)} times as fast), ${many.seconds.toFixed(2)} s with five; ${helped.summary}`);
+      assert.doesNotMatch(alone.summary, /workers/);
+      assert.match(helped.summary, found);
+      assert.match(many.summary, /; by 5 workers$/);
+      assert.ok(alone.model.length >= 3, "a COLMAP model");
+      assert.deepEqual(helped.model, alone.model);
+      assert.deepEqual(many.model, alone.model);
+      assert.deepEqual([helped.warnings, many.warnings], [alone.warnings, alone.warnings]);
+      assert.equal(await workers(browser), before, "they are ended when the stage is over");
+      assert.deepEqual(complaints, []);
+    } finally {
+      await browser.close();
+    }
+  });
+}
 
 /** Clicks a button of the run; on the page's clock, when that was. @param {Page} page @param {string} name */
 const clickAt = (page, name) =>

@@ -25,6 +25,7 @@ mod run;
 mod session;
 mod snapshot;
 mod solve;
+mod source;
 
 pub use control::Control;
 pub use helpers::solve_pairs;

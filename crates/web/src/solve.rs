@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use epipole_mapper::{Event, MapperError, Observer, Outcome, reconstruct};
+use epipole_mapper::{Event, MapperError, Matches, Observer, Outcome, reconstruct};
 use epipole_scene::ViewGraph;
 use wasm_bindgen::prelude::{JsValue, wasm_bindgen};
 
@@ -26,11 +26,19 @@ impl Session {
         check_memory(name, graph)?;
         let keypoints = graph.images.iter().map(|image| image.keypoints_px.len()).sum();
         let Run { options, mut engine, mut observer } = self.begin(settings, &backend, keypoints, &host).await?;
-        let mut copy = graph.clone();
-        let depth_input = self.depths.attach(&mut copy, &options.depth, &mut observer).await?;
         let mut warnings = Vec::new();
+        let mut copy = match &self.source {
+            Some((source, told)) if options.matches == Matches::Raw => {
+                let (graph, mut said) = source.read(true)?;
+                said.retain(|warning| !told.contains(warning));
+                warnings = said;
+                graph
+            }
+            _ => graph.clone(),
+        };
+        let depth_input = self.depths.attach(&mut copy, &options.depth, &mut observer).await?;
         if let Some(input) = &depth_input {
-            warnings = input.complaints(graph.images.len());
+            warnings.extend(input.complaints(graph.images.len()));
             let _ = host.send("event", &to_js(&serde_json::json!({ "event": "depth_input", "depth_input": input }))?);
         }
         for message in &warnings {

@@ -31,15 +31,11 @@ pub(super) fn answers(numbers: &[f64], count: usize) -> Option<Vec<Found>> {
 
 impl Problem {
     pub(super) fn write(&self, out: &mut Vec<f64>) {
-        match &self.task {
-            Task::Verified { config, essential, fundamental, homography } => {
-                out.push(f64::from(*config as i32));
-                for matrix in [essential, fundamental, homography] {
-                    write_matrix(matrix, out);
-                }
-            }
-            Task::Raw { min_inliers } => out.extend([-1.0, *min_inliers as f64]),
+        match self.task {
+            Task::Verified(config) => out.push(f64::from(config as i32)),
+            Task::Raw { min_inliers } => out.extend([-1.0, min_inliers as f64]),
         }
+        self.matrices.iter().for_each(|matrix| write_matrix(matrix, out));
         for camera in &self.cameras {
             out.extend([f64::from(camera.id), f64::from(camera.model.id())]);
             out.extend([camera.width_px as f64, camera.height_px as f64, f64::from(camera.has_prior_focal)]);
@@ -55,19 +51,23 @@ impl Problem {
     pub(super) fn read(numbers: &mut Numbers) -> Option<Self> {
         let task = match numbers.next()? {
             -1.0 => Task::Raw { min_inliers: numbers.next()? as usize },
-            config => Task::Verified {
-                config: TwoViewConfig::from_id(config as i64)?,
-                essential: read_matrix(numbers)?,
-                fundamental: read_matrix(numbers)?,
-                homography: read_matrix(numbers)?,
-            },
+            config => Task::Verified(TwoViewConfig::from_id(config as i64)?),
         };
+        let matrices = [read_matrix(numbers)?, read_matrix(numbers)?, read_matrix(numbers)?];
         let cameras = [read_camera(numbers)?, read_camera(numbers)?];
         let [max_error_px, enough, high, low, count] = numbers.array()?;
         let mut points =
             || numbers.take((2.0 * count) as usize).map(|list| list.chunks_exact(2).map(DVec2::from_slice).collect());
         let points_px = [points()?, points()?];
-        Some(Self { task, cameras, points_px, max_error_px, enough, seed: ((high as u64) << 32) | low as u64 })
+        Some(Self {
+            task,
+            matrices,
+            cameras,
+            points_px,
+            max_error_px,
+            enough,
+            seed: ((high as u64) << 32) | low as u64,
+        })
     }
 }
 

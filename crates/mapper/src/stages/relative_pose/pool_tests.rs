@@ -203,22 +203,16 @@ fn awkward(k: usize) -> f64 {
 
 #[test]
 fn problems_and_answers_survive_as_numbers() {
-    let matrix = |k: usize| (k % 3 > 0).then(|| DMat3::from_cols_array(&std::array::from_fn(|i| awkward(i + k))));
+    let matrix =
+        |k: usize| (!k.is_multiple_of(3)).then(|| DMat3::from_cols_array(&std::array::from_fn(|i| awkward(i + k))));
     let mut camera = graph(2, 0).0.cameras.remove(0);
     camera.params[0] += f64::EPSILON * 1024.0;
     let mut written = Vec::new();
     let problems: Vec<Problem> = (0..40)
         .map(|k| Problem {
-            task: match TwoViewConfig::ALL.get(k) {
-                None => Task::Raw { min_inliers: k },
-                Some(&config) => Task::Verified {
-                    config,
-                    essential: matrix(k),
-                    fundamental: matrix(k + 1),
-                    homography: matrix(k + 2),
-                },
-            },
-            cameras: [camera.clone(), Camera { id: k as u32, has_prior_focal: k % 2 == 0, ..camera.clone() }],
+            task: TwoViewConfig::ALL.get(k).map_or(Task::Raw { min_inliers: k }, |&config| Task::Verified(config)),
+            matrices: [matrix(k), matrix(k + 1), matrix(k + 2)],
+            cameras: [camera.clone(), Camera { id: k as u32, has_prior_focal: k.is_multiple_of(2), ..camera.clone() }],
             points_px: [3, 5].map(|step| (0..k).map(|i| (awkward(i), awkward(step * i)).into()).collect()),
             max_error_px: awkward(k),
             enough: awkward(k + 1),
@@ -245,7 +239,7 @@ fn problems_and_answers_survive_as_numbers() {
             essential: matrix(k),
             fundamental: matrix(k + 1),
             homography: matrix(k + 2),
-            cam2_from_cam1: (k % 2 == 0).then_some(pose),
+            cam2_from_cam1: k.is_multiple_of(2).then_some(pose),
             inliers: vec![0, 7, u32::MAX],
             tri_angle_rad: awkward(k),
         }))

@@ -12,6 +12,8 @@ use glam::{DMat3, DVec2};
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Problem {
     pub(super) task: Task,
+    /// Essential matrix, fundamental matrix and homography, as far as the database has them and they are believed.
+    pub(super) matrices: [Option<DMat3>; 3],
     pub(super) cameras: [Camera; 2],
     /// Matched pixels, as many in the second image as in the first.
     pub(super) points_px: [Vec<DVec2>; 2],
@@ -22,12 +24,12 @@ pub(super) struct Problem {
     pub(super) seed: u64,
 }
 
-/// What is known of the pair.
+/// What to make of the matches.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Task {
-    /// Its label and the matrices of the database.
-    Verified { config: TwoViewConfig, essential: Option<DMat3>, fundamental: Option<DMat3>, homography: Option<DMat3> },
-    /// Nothing: its matches are raw, and degenerate where fewer agree.
+    /// They were verified, with this label.
+    Verified(TwoViewConfig),
+    /// They are raw, and degenerate where fewer agree.
     Raw { min_inliers: usize },
 }
 
@@ -49,12 +51,11 @@ impl Problem {
         let ransac = RansacOptions { max_error_px: self.max_error_px, ..RansacOptions::default() };
         let relative_pose = RelativePoseOptions { ransac, ..RelativePoseOptions::default() };
         let agree = |pose: &Rigid3, inliers: &[u32]| pose.is_finite() && inliers.len() as f64 >= self.enough;
-        match &self.task {
-            Task::Verified { config, essential, fundamental, homography } => {
-                let matrices = [essential, fundamental, homography].map(Option::as_ref);
-                let [e, f, h] = matrices;
+        match self.task {
+            Task::Verified(config) => {
+                let [e, f, h] = self.matrices.each_ref().map(Option::as_ref);
                 let pose = relative_pose_from_geometry(
-                    *config,
+                    config,
                     e,
                     f,
                     h,
@@ -70,7 +71,7 @@ impl Problem {
                     _ => Found::WithoutPose,
                 }
             }
-            &Task::Raw { min_inliers } => {
+            Task::Raw { min_inliers } => {
                 let options =
                     TwoViewOptions { relative_pose, min_num_inliers: min_inliers, ..TwoViewOptions::default() };
                 let matches: Vec<[u32; 2]> = (0..points1.len() as u32).map(|k| [k, k]).collect();

@@ -50,27 +50,23 @@ impl<'a> Work<'a> {
     fn problem(&self, pair: usize) -> Problem {
         let (graph, options, pair) = (self.graph, self.options, &self.graph.pairs[pair]);
         let (image1, image2) = (&graph.images[pair.image1], &graph.images[pair.image2]);
-        let (task, usable, fewest, total) = match raw_matches(pair, self.matches) {
+        let (task, matrices, usable, fewest, total) = match raw_matches(pair, self.matches) {
             Some(raw) => {
                 let task = Task::Raw { min_inliers: options.min_inliers };
-                (task, existing(graph, pair, raw), options.min_inliers_raw, raw.len())
+                (task, [None; 3], existing(graph, pair, raw), options.min_inliers_raw, raw.len())
             }
             None => {
                 let usable = thinned(existing(graph, pair, &pair.inliers), options.max_matches);
-                let task = Task::Verified {
-                    config: pair.config,
-                    essential: pair.essential,
-                    fundamental: pair.fundamental,
-                    homography: pair.homography,
-                };
+                let matrices = [pair.essential, pair.fundamental, pair.homography];
                 let total = usable.len();
-                (task, usable, options.min_inliers, total)
+                (Task::Verified(pair.config), matrices, usable, options.min_inliers, total)
             }
         };
         let pixels =
             |keypoints_px: &[DVec2], side: usize| usable.iter().map(|m| keypoints_px[m[side] as usize]).collect();
         Problem {
             task,
+            matrices,
             cameras: [image1, image2].map(|image| graph.cameras[image.camera].clone()),
             points_px: [pixels(&image1.keypoints_px, 0), pixels(&image2.keypoints_px, 1)],
             max_error_px: options.max_error_px,
