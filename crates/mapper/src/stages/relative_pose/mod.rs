@@ -3,7 +3,8 @@
 //!
 //! Stored poses are taken where they are there and were found with the present focal lengths; else the stored matrices
 //! are decomposed and refined on the verified matches, or the pose is estimated from them anew. With raw matches all
-//! pairs are verified again.
+//! pairs are verified again. Every pair is a problem by itself (`problem.rs`), solved by all threads, by a tab's one worker, or
+//! by helpers of it (`pool.rs`).
 
 mod encoding;
 mod pool;
@@ -33,7 +34,7 @@ const PAIRS_AT_ONCE: usize = if cfg!(feature = "rayon") { 512 } else { 1 };
 const TRIAL_SECONDS: f64 = 0.1;
 const WORTH_SECONDS: f64 = 0.4;
 
-/// Work of a batch for a helper: sending it costs a hundredth of that, and a person who pauses hears the fan no longer.
+/// Work of a batch for a helper: sending it costs a hundredth of that, and after a pause the processors come to rest at once.
 const BATCH_SECONDS: f64 = 0.1;
 
 /// Which pairs are usable, and where their poses come from.

@@ -33,7 +33,7 @@ pub(super) enum Task {
     Raw { min_inliers: usize },
 }
 
-/// What was found for a pair; all but the first two drop it.
+/// What was found for a pair; the last two drop it.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Found {
     Stored,
