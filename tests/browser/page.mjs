@@ -251,12 +251,12 @@ export async function wasmBytes(page) {
   return value.memoryBytes;
 }
 
-/** Asks the engine's worker as the page does; with how long the answer took. @param {Page} page @param {Record<string, any>} command */
-export async function ask(page, command) {
+/** Asks the engine's worker as the page does; with how long the answer took. @param {Page} page @param {Record<string, any>} command @param {number} [limitMs] */
+export async function ask(page, command, limitMs = 10_000) {
   // The page ends its engine with a scene that it gives up and starts another, which an unlucky question falls between.
   for (let left = 2; ; left -= 1) {
     await page.waitForFunction(() => globalThis.watched.engine, undefined, { timeout: 20_000 });
-    const answer = await page.evaluate((command) => new Promise((resolve) => {
+    const answer = await page.evaluate(([command, limitMs]) => new Promise((resolve) => {
       const { engine } = globalThis.watched;
       // The page counts from zero: a negative id is nobody's.
       const id = -1 - Math.floor(Math.random() * 1e9);
@@ -268,8 +268,8 @@ export async function ask(page, command) {
       };
       engine.addEventListener("message", listen);
       engine.postMessage({ id, ...command });
-      setTimeout(() => resolve(engine === globalThis.watched.engine ? { ms: Infinity } : null), 10_000);
-    }), command);
+      setTimeout(() => resolve(engine === globalThis.watched.engine ? { ms: Infinity } : null), limitMs);
+    }), /** @type {const} */ ([command, limitMs]));
     if (answer || left === 0) return answer;
   }
 }

@@ -57,11 +57,12 @@
  *
  * @typedef {{ path: string, file: File }} Entry
  *
- * Commands, answered under their `id` with `{ id, value }` or `{ id, failure }`.
+ * Commands, answered under their `id` with `{ id, value }` or `{ id, failure }`. A solve starts `helpers` further workers at most,
+ * while it has work for them: as many as there are processors, if not given; none below 2.
  * @typedef {{ type: "open", entries: Entry[] }
  *   | { type: "pictures", entries: Entry[] }
  *   | { type: "depths", entries: Entry[] }
- *   | { type: "solve", settings: Record<string, any>, backend: "auto"|"gpu"|"cpu" }
+ *   | { type: "solve", settings: Record<string, any>, backend: "auto"|"gpu"|"cpu", helpers?: number }
  *   | { type: "refine", settings: Record<string, any>, backend: "auto"|"gpu"|"cpu" }
  *   | { type: "snapshot" }
  *   | { type: "keypoints", image: number }

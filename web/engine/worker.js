@@ -3,6 +3,7 @@
 import init, { Session } from "../vendor/epipole_web.js";
 import { findAdapter } from "./adapter.js";
 import { decode } from "./decode.js";
+import { Pool } from "./pool.js";
 
 /** @typedef {import("./protocol.js").Entry} Entry */
 
@@ -48,12 +49,20 @@ function fresh() {
   control = null;
 }
 
-/** @param {"solve"|"refine"} what @param {Record<string, any>} settings @param {"auto"|"gpu"|"cpu"} [backend] */
-async function run(what, settings, backend = "auto") {
+const pool = new Pool();
+
+/** @param {"solve"|"refine"} what @param {{ settings: Record<string, any>, backend?: "auto"|"gpu"|"cpu", helpers?: number }} command */
+async function run(what, { settings, backend = "auto", helpers = navigator.hardwareConcurrency }) {
   paused = false;
   control = session.control();
+  const host = {
+    send, breathe, decode,
+    startHelpers: (/** @type {WebAssembly.Module} */ module) => pool.start(module, helpers),
+    solvePairs: (/** @type {Float64Array} */ problems) => pool.solve(problems),
+    endHelpers: () => pool.end(),
+  };
   try {
-    return await session[what](settings, backend, { send, breathe, decode });
+    return await session[what](settings, backend, host);
   } finally {
     control.free();
     control = null;
@@ -80,8 +89,8 @@ const commands = {
   depths({ entries }) {
     for (const { path, file } of /** @type {Entry[]} */ (entries)) session.addDepth(path, file);
   },
-  solve: ({ settings, backend }) => run("solve", settings, backend),
-  refine: ({ settings, backend }) => run("refine", settings, backend),
+  solve: (command) => run("solve", command),
+  refine: (command) => run("refine", command),
   snapshot: () => send("snapshot", session.snapshot()),
   keypoints: ({ image }) => session.keypoints(image),
   residuals: ({ image }) => session.residuals(image),

@@ -18,6 +18,7 @@ use crate::reasons::{Reasons, image_reports};
 use crate::report::{ComponentReport, Report, StageTime, UnregisteredReason};
 use crate::stages::finish::ImageSource;
 use crate::stages::refine::Adjustment;
+use crate::stages::relative_pose::PairPool;
 use crate::stages::rotation::RotationComponent;
 use crate::stages::{calibrate, finish, position, refine, relative_pose, retriangulate, rotation, tracks};
 
@@ -35,12 +36,14 @@ pub struct Outcome {
 /// After the observer asks to stop, the component at hand is filtered and kept if its cameras already have positions,
 /// the others are left out, and the report says so.
 ///
-/// Async because a device answers later and a browser tab may not block; native callers have [`reconstruct_blocking`].
+/// Async because a device answers later and a browser tab may not block; native callers have [`reconstruct_blocking`]. They
+/// have threads too, and need no `pool`.
 pub async fn reconstruct(
     mut graph: ViewGraph,
     options: &Options,
     engine: &mut Engine,
     mut images: Option<&mut dyn ImageSource>,
+    pool: Option<&mut dyn PairPool>,
     observer: &mut dyn Observer,
 ) -> Result<Outcome, MapperError> {
     if graph.images.len() < 2 {
@@ -55,8 +58,8 @@ pub async fn reconstruct(
     })
     .await?;
     run.stage(Stage::RelativePose, 0, async |observer, _| {
-        let summary =
-            relative_pose::run(&mut graph, &options.relative_pose, options.matches, options.seed, observer).await?;
+        let (matches, seed) = (options.matches, options.seed);
+        let summary = relative_pose::run(&mut graph, &options.relative_pose, matches, seed, pool, observer).await?;
         Ok(((), summary.to_string()))
     })
     .await?;
@@ -162,7 +165,7 @@ pub fn reconstruct_blocking(
     images: Option<&mut dyn ImageSource>,
     observer: &mut dyn Observer,
 ) -> Result<Outcome, MapperError> {
-    block_on(reconstruct(graph, options, engine, images, observer))
+    block_on(reconstruct(graph, options, engine, images, None, observer))
 }
 
 /// Tracks to finish, for one component.

@@ -1,4 +1,4 @@
-//! What the worker gives to a run: where messages go, time to read them, and the browser's decoder of photographs.
+//! What the worker gives to a run: where messages go, time to read them, the browser's decoder of photographs, helpers.
 
 use js_sys::Promise;
 use wasm_bindgen::prelude::{JsValue, wasm_bindgen};
@@ -14,6 +14,12 @@ export interface Host {
     breathe(): Promise<void>;
     /** A photograph without rotation, no side longer than `maxSide`, RGBA by rows. */
     decode(file: File, maxSide: number): Promise<{ width: number, height: number, data: Uint8ClampedArray }>;
+    /** Starts helpers that run this module; their number, 0 where they would be of no use. */
+    startHelpers(module: WebAssembly.Module): number;
+    /** What `solvePairs` gives in one of them; fails with a text. The array is the module's own and must be copied. */
+    solvePairs(problems: Float64Array): Promise<Float64Array>;
+    /** Ends them, whatever they do. */
+    endHelpers(): void;
 }
 "#;
 
@@ -32,4 +38,13 @@ extern "C" {
 
     #[wasm_bindgen(method, catch)]
     pub(crate) fn decode(this: &Host, file: &File, max_side: u32) -> Result<Promise, JsValue>;
+
+    #[wasm_bindgen(method, catch, js_name = startHelpers)]
+    pub(crate) fn start_helpers(this: &Host, module: &JsValue) -> Result<u32, JsValue>;
+
+    #[wasm_bindgen(method, catch, js_name = solvePairs)]
+    pub(crate) fn solve_pairs(this: &Host, problems: &[f64]) -> Result<Promise, JsValue>;
+
+    #[wasm_bindgen(method, catch, js_name = endHelpers)]
+    pub(crate) fn end_helpers(this: &Host) -> Result<(), JsValue>;
 }

@@ -1,6 +1,6 @@
 //! The engine in a browser tab: what the page's worker calls, and nothing else. The same mapper as the command line.
 //!
-//! Everything here runs in one dedicated worker. Nothing blocks for long: the pipeline breathes between iterations, so
+//! Everything here runs in one dedicated worker, but for pairs that it hands to helpers. Nothing blocks for long: the pipeline breathes between iterations, so
 //! that messages get in and a person can stop it.
 #![cfg(target_family = "wasm")]
 
@@ -12,6 +12,7 @@ mod deafness;
 mod depths;
 mod error;
 mod export;
+mod helpers;
 mod host;
 mod memory;
 mod model;
@@ -24,6 +25,8 @@ mod run;
 mod session;
 mod snapshot;
 mod solve;
+mod source;
 
 pub use control::Control;
+pub use helpers::solve_pairs;
 pub use session::Session;

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::path::Path;
 use std::rc::Rc;
 
-use epipole_formats::{FormatWarning, ReadOptions, read_model_files, read_ranged_database};
+use epipole_formats::{FormatWarning, read_model_files};
 use epipole_mapper::Report;
 use epipole_scene::statistics::update_point_errors;
 use epipole_scene::{Reconstruction, ViewGraph};
@@ -19,6 +19,7 @@ use crate::error::Failure;
 use crate::memory::predicted_bytes;
 use crate::opened;
 use crate::pictures::Pictures;
+use crate::source::Source;
 
 /// A reconstruction and where its images stand among all that were opened.
 pub(crate) struct Model {
@@ -32,6 +33,8 @@ pub(crate) struct Model {
 pub struct Session {
     pub(crate) name: String,
     pub(crate) graph: Option<ViewGraph>,
+    /// Where the graph is from, and what was said of it when it was opened.
+    pub(crate) source: Option<(Source, Vec<String>)>,
     pub(crate) models: RefCell<Vec<Model>>,
     pub(crate) pictures: Pictures,
     pub(crate) depths: DepthMaps,
@@ -63,6 +66,7 @@ impl Session {
         Self {
             name: String::new(),
             graph: None,
+            source: None,
             models: RefCell::default(),
             pictures: Pictures::default(),
             depths: DepthMaps::default(),
@@ -82,16 +86,14 @@ impl Session {
     pub fn open_database(&mut self, path: &str, database: File, wal: Option<File>) -> Answer<JsValue> {
         let bytes = database.size();
         let database = Rc::new(tab_file(path, database)?);
-        let wal = match wal {
-            Some(wal) => Some(Rc::new(tab_file(path, wal)?) as Rc<dyn epipole_formats::RangedBytes>),
-            None => None,
-        };
-        let loaded = read_ranged_database(Path::new(path), database, wal, &ReadOptions::default())
-            .map_err(|e| Failure::format(path, &e))?;
-        let predicted = predicted_bytes(&loaded.value);
-        let answer = opened::graph(base(path), &loaded.value, texts(&loaded.warnings), bytes, predicted)?;
+        let wal = wal.map(|wal| tab_file(path, wal).map(Rc::new)).transpose()?;
+        let source = Source { path: path.to_owned(), database, wal };
+        let (graph, warnings) = source.read(false)?;
+        let predicted = predicted_bytes(&graph);
+        let answer = opened::graph(base(path), &graph, warnings.clone(), bytes, predicted)?;
         self.name = base(path).to_owned();
-        self.graph = Some(loaded.value);
+        self.graph = Some(graph);
+        self.source = Some((source, warnings));
         Ok(answer)
     }
 

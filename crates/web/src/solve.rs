@@ -2,11 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use epipole_mapper::{Event, MapperError, Observer, Outcome, reconstruct};
+use epipole_mapper::{Event, MapperError, Matches, Observer, Outcome, reconstruct};
 use epipole_scene::ViewGraph;
 use wasm_bindgen::prelude::{JsValue, wasm_bindgen};
 
 use crate::error::Failure;
+use crate::helpers::TabPool;
 use crate::host::Host;
 use crate::memory::{LIMIT_BYTES, predicted_bytes};
 use crate::pictures::Decoded;
@@ -25,11 +26,19 @@ impl Session {
         check_memory(name, graph)?;
         let keypoints = graph.images.iter().map(|image| image.keypoints_px.len()).sum();
         let Run { options, mut engine, mut observer } = self.begin(settings, &backend, keypoints, &host).await?;
-        let mut copy = graph.clone();
-        let depth_input = self.depths.attach(&mut copy, &options.depth, &mut observer).await?;
         let mut warnings = Vec::new();
+        let mut copy = match &self.source {
+            Some((source, told)) if options.matches == Matches::Raw => {
+                let (graph, mut said) = source.read(true)?;
+                said.retain(|warning| !told.contains(warning));
+                warnings = said;
+                graph
+            }
+            _ => graph.clone(),
+        };
+        let depth_input = self.depths.attach(&mut copy, &options.depth, &mut observer).await?;
         if let Some(input) = &depth_input {
-            warnings = input.complaints(graph.images.len());
+            warnings.extend(input.complaints(graph.images.len()));
             let _ = host.send("event", &to_js(&serde_json::json!({ "event": "depth_input", "depth_input": input }))?);
         }
         for message in &warnings {
@@ -37,7 +46,8 @@ impl Session {
         }
         let mut decoded = Decoded { pictures: &self.pictures, host: host.clone() };
         let images = (!self.pictures.is_empty()).then_some(&mut decoded as &mut _);
-        let run = reconstruct(copy, &options, &mut engine, images, &mut observer);
+        let mut pool = TabPool { host: host.clone(), deafness: self.deafness.clone() };
+        let run = reconstruct(copy, &options, &mut engine, images, Some(&mut pool), &mut observer);
         let outcome = self.unless_cancelled(run).await?;
         let Outcome { reconstructions, mut report } = outcome.map_err(|e| match e {
             MapperError::Stopped => Failure::new(name, "stopped before any camera had a position", "let it run longer"),

@@ -72,19 +72,6 @@ fn turned_round(mut pair: Pair) -> Pair {
 }
 
 fn config_from_id(id: i64) -> Result<PairConfig, Problem> {
-    use PairConfig::*;
-    const ALL: [PairConfig; 10] = [
-        Undefined,
-        Degenerate,
-        Calibrated,
-        Uncalibrated,
-        Planar,
-        Panoramic,
-        PlanarOrPanoramic,
-        Watermark,
-        Multiple,
-        CalibratedRig,
-    ];
-    let found = usize::try_from(id).ok().and_then(|i| ALL.get(i).copied());
+    let found = PairConfig::from_id(id);
     found.ok_or_else(|| Problem::OutOfRange { what: "config".into(), found: id.to_string(), expected: "0 to 9".into() })
 }

@@ -27,6 +27,25 @@ pub enum TwoViewConfig {
 }
 
 impl TwoViewConfig {
+    /// Every label, in the order of the ids.
+    pub const ALL: [Self; 10] = [
+        Self::Undefined,
+        Self::Degenerate,
+        Self::Calibrated,
+        Self::Uncalibrated,
+        Self::Planar,
+        Self::Panoramic,
+        Self::PlanarOrPanoramic,
+        Self::Watermark,
+        Self::Multiple,
+        Self::CalibratedRig,
+    ];
+
+    /// The label with COLMAP's id, if there is one.
+    pub fn from_id(id: i64) -> Option<Self> {
+        usize::try_from(id).ok().and_then(|i| Self::ALL.get(i).copied())
+    }
+
     /// Whether the label promises a relative pose.
     pub fn has_pose(self) -> bool {
         matches!(self, Self::Calibrated | Self::Uncalibrated | Self::CalibratedRig) || self.is_planar_or_panoramic()

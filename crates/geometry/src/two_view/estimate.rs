@@ -47,7 +47,7 @@ impl Default for TwoViewOptions {
 }
 
 /// The geometry of a pair.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct TwoViewGeometry {
     /// What the pair is.
     pub config: TwoViewConfig,

@@ -3,25 +3,39 @@
 //!
 //! Stored poses are taken where they are there and were found with the present focal lengths; else the stored matrices
 //! are decomposed and refined on the verified matches, or the pose is estimated from them anew. With raw matches all
-//! pairs are verified again.
+//! pairs are verified again. Every pair is a problem by itself (`problem.rs`), solved by all threads, by a tab's one worker, or
+//! by helpers of it (`pool.rs`).
 
-use epipole_geometry::Rigid3;
+mod encoding;
+mod pool;
+mod problem;
+mod work;
+
 use epipole_geometry::camera::Camera;
-use epipole_geometry::two_view::{
-    PoseSource, RansacOptions, RelativePoseOptions, TwoViewOptions, estimate_two_view, relative_pose_from_geometry,
-};
-use epipole_scene::{Pair, ViewGraph};
-use glam::DVec2;
+use epipole_geometry::two_view::PoseSource;
+use epipole_scene::ViewGraph;
 use serde::{Deserialize, Serialize};
 
 use crate::error::MapperError;
-use crate::event::{Event, Observer, Stage, breath};
+use crate::event::{Event, Observer, breath};
 use crate::options::Matches;
-use crate::parallel;
+pub use encoding::solve_pairs;
+use pool::share;
+pub use pool::{Answering, PairPool};
+use problem::Found;
+use work::{Work, existing};
 
 /// Pairs between two looks at whether a person wants to stop: a few tenths of a second of work on all cores; in a browser
 /// tab, on one, a single pair can take half of that.
-const PAIRS_PER_CHUNK: usize = if cfg!(feature = "rayon") { 512 } else { 1 };
+const PAIRS_AT_ONCE: usize = if cfg!(feature = "rayon") { 512 } else { 1 };
+
+/// Helpers are started when the stage has been at work so long, and has so much left by what a pair took: they need a tenth of a
+/// second until they do anything.
+const TRIAL_SECONDS: f64 = 0.1;
+const WORTH_SECONDS: f64 = 0.4;
+
+/// Work of a batch for a helper: sending it costs a hundredth of that, and after a pause the processors come to rest at once.
+const BATCH_SECONDS: f64 = 0.1;
 
 /// Which pairs are usable, and where their poses come from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -75,6 +89,8 @@ pub struct Summary {
     pub weak: usize,
     /// Pairs dropped because no pose agrees with enough of their matches.
     pub without_pose: usize,
+    /// Helpers that took part.
+    pub helpers: usize,
 }
 
 impl std::fmt::Display for Summary {
@@ -83,23 +99,15 @@ impl std::fmt::Display for Summary {
             f,
             "{} stored, {} decomposed, {} estimated; dropped {} weak and {} without a pose",
             self.stored, self.decomposed, self.estimated, self.weak, self.without_pose
-        )
+        )?;
+        if self.helpers > 0 { write!(f, "; by {} workers", self.helpers) } else { Ok(()) }
     }
-}
-
-/// What was found for a pair; `None` drops it.
-enum Found {
-    Stored,
-    Pose(Rigid3, PoseSource),
-    Verified(Box<epipole_geometry::two_view::TwoViewGeometry>),
-    Weak,
-    WithoutPose,
 }
 
 /// Gives every usable pair a relative pose and removes the others from the graph.
 ///
-/// Deterministic for a seed. With [`Matches::Raw`] the inliers and matrices of the pairs are replaced as well; pairs
-/// whose raw matches were not read keep their verified ones, with a warning.
+/// Deterministic for a seed, with and without a pool. With [`Matches::Raw`] the inliers and matrices of the pairs are
+/// replaced as well; pairs whose raw matches were not read keep their verified ones, with a warning.
 ///
 /// # Errors
 /// [`MapperError::Stopped`] when the observer asks to stop.
@@ -108,6 +116,7 @@ pub async fn run(
     options: &Options,
     matches: Matches,
     seed: u64,
+    pool: Option<&mut dyn PairPool>,
     observer: &mut dyn Observer,
 ) -> Result<Summary, MapperError> {
     let missing = graph.pairs.iter().filter(|p| p.matches.is_none() && p.num_matches > 0).count();
@@ -115,20 +124,29 @@ pub async fn run(
         let message = format!("{missing} pairs have no raw matches here: their verified matches are used instead");
         observer.event(&Event::Warning { message });
     }
-    let total = graph.pairs.len();
-    let mut found = Vec::with_capacity(total);
-    for chunk in graph.pairs.chunks(PAIRS_PER_CHUNK) {
-        if observer.should_stop() {
-            return Err(MapperError::Stopped);
-        }
-        found.extend(parallel::map(chunk, |_, pair| find(graph, pair, options, matches, seed)));
-        observer.event(&Event::Progress { stage: Stage::RelativePose, done: found.len(), total });
-        breath(observer).await;
+    let mut work = Work::new(graph, options, matches, seed);
+    observer.event(&work.progress());
+    breath(observer).await;
+    if observer.should_stop() {
+        return Err(MapperError::Stopped);
     }
-    let mut summary = Summary::default();
-    let mut pairs = Vec::with_capacity(total);
+    let at_once = if pool.is_some() { 1 } else { PAIRS_AT_ONCE };
+    let mut helpers = 0;
+    if let Some(pool) = pool {
+        let (start, known) = (observer.now_seconds(), work.settled);
+        work.solve_here(at_once, TRIAL_SECONDS, observer).await?;
+        let seconds_per_pair = (observer.now_seconds() - start) / (work.settled - known) as f64;
+        if seconds_per_pair * work.waiting.len() as f64 >= WORTH_SECONDS {
+            helpers = share(&mut work, (BATCH_SECONDS / seconds_per_pair) as usize, pool, observer).await?;
+        }
+    }
+    work.solve_here(at_once, f64::INFINITY, observer).await?;
+    let found = work.found;
+    let mut summary = Summary { helpers, ..Summary::default() };
+    let mut pairs = Vec::with_capacity(found.len());
     for (mut pair, found) in std::mem::take(&mut graph.pairs).into_iter().zip(found) {
-        match found {
+        // None is left that waits.
+        match found.unwrap_or(Found::WithoutPose) {
             Found::Weak => summary.weak += 1,
             Found::WithoutPose => summary.without_pose += 1,
             Found::Stored => {
@@ -146,7 +164,7 @@ pub async fn run(
             }
             Found::Verified(geometry) => {
                 summary.estimated += 1;
-                let raw = pair.matches.as_deref().unwrap_or_default();
+                let raw = existing(graph, &pair, pair.matches.as_deref().unwrap_or_default());
                 pair.inliers = geometry.inliers.iter().filter_map(|&m| raw.get(m as usize).copied()).collect();
                 pair.config = geometry.config;
                 pair.cam2_from_cam1 = geometry.cam2_from_cam1;
@@ -162,119 +180,13 @@ pub async fn run(
     Ok(summary)
 }
 
-/// At most `max` of the matches, evenly spread over their order.
-fn thinned(matches: Vec<[u32; 2]>, max: usize) -> Vec<[u32; 2]> {
-    if matches.len() <= max {
-        return matches;
-    }
-    (0..max).map(|i| matches[i * matches.len() / max]).collect()
-}
-
-fn find(graph: &ViewGraph, pair: &Pair, options: &Options, matches: Matches, seed: u64) -> Found {
-    let seed = pair_seed(graph, pair, seed);
-    if matches == Matches::Raw
-        && let Some(raw) = &pair.matches
-    {
-        return verify_raw(graph, pair, raw, options, seed);
-    }
-    let config = pair.config;
-    if !config.has_pose() || pair.inliers.len() < options.min_inliers {
-        return Found::Weak;
-    }
-    if options.use_stored && stored_pose_holds(graph, pair, options) {
-        return Found::Stored;
-    }
-    let (image1, image2) = (&graph.images[pair.image1], &graph.images[pair.image2]);
-    let inside =
-        |&&[a, b]: &&[u32; 2]| (a as usize) < image1.keypoints_px.len() && (b as usize) < image2.keypoints_px.len();
-    let usable: Vec<[u32; 2]> = pair.inliers.iter().filter(inside).copied().collect();
-    let usable = thinned(usable, options.max_matches);
-    let points1: Vec<DVec2> = usable.iter().map(|m| image1.keypoints_px[m[0] as usize]).collect();
-    let points2: Vec<DVec2> = usable.iter().map(|m| image2.keypoints_px[m[1] as usize]).collect();
-    let pose = relative_pose_from_geometry(
-        config,
-        pair.essential.as_ref(),
-        pair.fundamental.as_ref(),
-        pair.homography.as_ref(),
-        &graph.cameras[image1.camera],
-        &points1,
-        &graph.cameras[image2.camera],
-        &points2,
-        &relative_pose_options(options),
-        seed,
-    );
-    let enough = |agreeing: usize| {
-        agreeing >= options.min_inliers && agreeing as f64 >= options.min_inlier_ratio * usable.len() as f64
-    };
-    match pose {
-        Some(p) if p.cam2_from_cam1.is_finite() && enough(p.inliers.len()) => Found::Pose(p.cam2_from_cam1, p.source),
-        _ => Found::WithoutPose,
-    }
-}
-
-fn verify_raw(graph: &ViewGraph, pair: &Pair, raw: &[[u32; 2]], options: &Options, seed: u64) -> Found {
-    if raw.len() < options.min_inliers_raw {
-        return Found::Weak;
-    }
-    let (image1, image2) = (&graph.images[pair.image1], &graph.images[pair.image2]);
-    let two_view = TwoViewOptions {
-        relative_pose: relative_pose_options(options),
-        min_num_inliers: options.min_inliers,
-        ..TwoViewOptions::default()
-    };
-    let geometry = estimate_two_view(
-        &graph.cameras[image1.camera],
-        &image1.keypoints_px,
-        &graph.cameras[image2.camera],
-        &image2.keypoints_px,
-        raw,
-        &two_view,
-        seed,
-    );
-    if !geometry.config.has_pose() {
-        return Found::Weak;
-    }
-    let inliers = geometry.inliers.len();
-    let enough = inliers >= options.min_inliers_raw && inliers as f64 >= options.min_inlier_ratio * raw.len() as f64;
-    if enough && geometry.cam2_from_cam1.is_some_and(|pose| pose.is_finite()) {
-        Found::Verified(Box::new(geometry))
-    } else {
-        Found::WithoutPose
-    }
-}
-
-fn relative_pose_options(options: &Options) -> RelativePoseOptions {
-    let ransac = RansacOptions { max_error_px: options.max_error_px, ..RansacOptions::default() };
-    RelativePoseOptions { ransac, ..RelativePoseOptions::default() }
-}
-
-/// Whether the pair has a pose that was found with the cameras' present focal lengths. Where a focal length is only a
-/// guess, the one that the two-view solver estimated with the pose is the better of the two.
-fn stored_pose_holds(graph: &ViewGraph, pair: &Pair, options: &Options) -> bool {
-    let holds = |solver: &Option<Camera>, image: usize| {
-        let camera = &graph.cameras[graph.images[image].camera];
-        match solver {
-            Some(solver) if camera.has_prior_focal => focal_change(solver, camera) <= options.max_focal_change,
-            _ => true,
-        }
-    };
-    let [solver1, solver2] = &pair.solver_cameras;
-    pair.cam2_from_cam1.is_some_and(|pose| pose.is_finite())
-        && holds(solver1, pair.image1)
-        && holds(solver2, pair.image2)
-}
-
 /// |log| of the ratio of two cameras' focal lengths; infinite where there is none.
 pub(super) fn focal_change(a: &Camera, b: &Camera) -> f64 {
     let ratio = (a.mean_focal_px() / b.mean_focal_px()).ln().abs();
     if ratio.is_nan() { f64::INFINITY } else { ratio }
 }
 
-/// A seed that depends on the images of the pair and not on its place in the list.
-fn pair_seed(graph: &ViewGraph, pair: &Pair, seed: u64) -> u64 {
-    let ids = (u64::from(graph.images[pair.image1].id) << 32) | u64::from(graph.images[pair.image2].id);
-    seed ^ ids.wrapping_mul(0x9e37_79b9_7f4a_7c15)
-}
-
+#[cfg(test)]
+mod pool_tests;
 #[cfg(test)]
 mod tests;

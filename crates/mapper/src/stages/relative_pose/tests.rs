@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
+use epipole_geometry::Rigid3;
 use epipole_geometry::camera::CameraModel;
 use epipole_optimize::executor::block_on;
-use epipole_scene::PairConfig;
-use epipole_scene::ViewImage;
-use glam::{DQuat, DVec3};
+use epipole_scene::{Pair, PairConfig, ViewImage};
+use glam::{DQuat, DVec2, DVec3};
 use rand::{RngExt, SeedableRng};
 
 use super::*;
@@ -15,7 +15,7 @@ use crate::event::Silent;
 const NUM_POINTS: usize = 120;
 
 /// Two or more images of a cloud of points, all pairs matched; the last `outliers` matches of a pair are shifted by one.
-fn graph(num_images: usize, outliers: usize) -> (ViewGraph, Vec<Rigid3>) {
+pub(super) fn graph(num_images: usize, outliers: usize) -> (ViewGraph, Vec<Rigid3>) {
     let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(11);
     let mut uniform = |scale: f64| (2.0 * rng.random::<f64>() - 1.0) * scale;
     let camera = Camera {
@@ -72,12 +72,12 @@ fn poses_are_estimated_where_nothing_is_stored() {
     let (mut graph, poses) = graph(4, 12);
     graph.pairs[1].inliers[5] = [7, 4_000_000];
     let mut again = graph.clone();
-    let summary = block_on(run(&mut graph, &Options::default(), Matches::Verified, 0, &mut Silent)).unwrap();
+    let summary = block_on(run(&mut graph, &Options::default(), Matches::Verified, 0, None, &mut Silent)).unwrap();
     assert_eq!((summary.estimated, graph.pairs.len()), (6, 6));
     for pair in &graph.pairs {
         assert!(rotation_error_deg(pair, &poses) < 0.2, "{}", rotation_error_deg(pair, &poses));
     }
-    block_on(run(&mut again, &Options::default(), Matches::Verified, 0, &mut Silent)).unwrap();
+    block_on(run(&mut again, &Options::default(), Matches::Verified, 0, None, &mut Silent)).unwrap();
     let all = |g: &ViewGraph| g.pairs.iter().map(|p| p.cam2_from_cam1).collect::<Vec<_>>();
     assert_eq!(all(&graph), all(&again));
 }
@@ -94,11 +94,11 @@ fn stored_poses_stay_until_the_focal_length_changes() {
     graph.pairs[2].solver_cameras = [Some(solver.clone()), Some(solver)];
     let mut guessed = graph.clone();
     guessed.cameras[0].has_prior_focal = false;
-    let summary = block_on(run(&mut graph, &Options::default(), Matches::Verified, 0, &mut Silent)).unwrap();
+    let summary = block_on(run(&mut graph, &Options::default(), Matches::Verified, 0, None, &mut Silent)).unwrap();
     assert_eq!((summary.stored, summary.estimated), (2, 1));
     assert_eq!(graph.pairs[0].cam2_from_cam1, Some(wrong));
     assert!(rotation_error_deg(&graph.pairs[2], &poses) < 0.2);
-    let summary = block_on(run(&mut guessed, &Options::default(), Matches::Verified, 0, &mut Silent)).unwrap();
+    let summary = block_on(run(&mut guessed, &Options::default(), Matches::Verified, 0, None, &mut Silent)).unwrap();
     assert_eq!(summary.stored, 3);
 }
 
@@ -109,7 +109,7 @@ fn weak_and_hopeless_pairs_are_dropped() {
     graph.pairs[1].inliers.truncate(14);
     let scramble = |k: u32| [k, (k * 37 + 11) % NUM_POINTS as u32];
     graph.pairs[2].inliers = (0..NUM_POINTS as u32).map(scramble).collect();
-    let summary = block_on(run(&mut graph, &Options::default(), Matches::Verified, 0, &mut Silent)).unwrap();
+    let summary = block_on(run(&mut graph, &Options::default(), Matches::Verified, 0, None, &mut Silent)).unwrap();
     assert_eq!((summary.weak, summary.without_pose, graph.pairs.len()), (2, 1, 3), "{summary}");
 }
 
@@ -120,7 +120,7 @@ fn raw_matches_are_verified_again() {
         pair.config = PairConfig::Undefined;
         pair.inliers.clear();
     }
-    let summary = block_on(run(&mut graph, &Options::default(), Matches::Raw, 3, &mut Silent)).unwrap();
+    let summary = block_on(run(&mut graph, &Options::default(), Matches::Raw, 3, None, &mut Silent)).unwrap();
     assert_eq!(summary.estimated, 3);
     for pair in &graph.pairs {
         assert!(rotation_error_deg(pair, &poses) < 0.2);
