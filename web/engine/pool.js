@@ -22,7 +22,7 @@ export class Pool {
     // The engine's worker does nothing else meanwhile: one helper would only take its place.
     if (!(count > 1)) return 0;
     while (this.helpers.size < count) {
-      const helper = policedWorker("./pair-worker.js");
+      const helper = policedWorker("./engine-pair-worker.js");
       this.helpers.set(helper, null);
       helper.onmessage = ({ data }) => {
         if (typeof data === "string") this.lose(helper, data);

@@ -19,6 +19,8 @@ await rm(dist, { recursive: true, force: true });
 await mkdir(join(dist, "web"), { recursive: true });
 await build({
   entryPoints: entries, outdir: join(dist, "web"), bundle: true, minify: true, format: "esm", charset: "utf8", logLevel: "warning",
+  // What two of them need is a file of its own: the engine's worker and its helpers stand on the same JavaScript.
+  splitting: true,
   // For whoever opens the browser's tools: no visit loads them.
   sourcemap: "linked",
 });
