@@ -48,7 +48,7 @@ pub(crate) trait Backend {
 
     /// Linearises an objective at the present positions, and returns its cost there. [`Objective::EqualScales`] begins
     /// with everything in the origin.
-    async fn begin(&mut self, objective: Objective) -> Result<f64, OptimizeError>;
+    async fn begin(&mut self, objective: Objective, observer: &mut dyn Observer) -> Result<f64, OptimizeError>;
 
     /// Solves the linearised objective with damping relative to its diagonal, moves there and linearises again; `None`
     /// where the system has no solution, or the observer asked to stop before there was one.

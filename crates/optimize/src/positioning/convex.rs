@@ -64,7 +64,7 @@ async fn unfold<B: Backend>(
     max_solves: usize,
     observer: &mut dyn Observer,
 ) -> Result<ConvexReport, OptimizeError> {
-    let first = backend.begin(Objective::EqualScales { free_scale: 1.0 / unit, huber: HUBER }).await?;
+    let first = backend.begin(Objective::EqualScales { free_scale: 1.0 / unit, huber: HUBER }, observer).await?;
     let mut report = ConvexReport { cost: first, ..ConvexReport::default() };
     breath(observer).await;
     while report.solves < max_solves {
@@ -92,7 +92,7 @@ pub(crate) async fn lud<B: Backend>(
 ) -> Result<ConvexReport, OptimizeError> {
     let mut report = unfold(backend, unit, LUD_START_SOLVES, observer).await?;
     let bound = if metric { LUD_METRIC_BOUND * unit } else { unit };
-    report.cost = backend.begin(Objective::Lud { bound, delta: LUD_DELTA * unit }).await?;
+    report.cost = backend.begin(Objective::Lud { bound, delta: LUD_DELTA * unit }, observer).await?;
     for _ in 0..LUD_MAX_SOLVES {
         let (moved, extent) = solve(backend, &mut report, "LUD", observer).await?;
         breath(observer).await;
@@ -131,21 +131,23 @@ pub(crate) fn unit<T: Real>(rays: &Rays<T>) -> f64 {
 }
 
 /// Fills the blocks in parallel and sums the costs in a fixed order.
-pub(crate) fn linearize<T: Real>(
+pub(crate) async fn linearize<T: Real>(
     layout: &Layout,
     positions: &Positions<T>,
     blocks: &mut [Block<T>],
+    observer: &mut dyn Observer,
     model: impl Fn(usize, Vec3<T>) -> (Block<T>, T) + Sync + Send,
 ) -> f64 {
     let offsets = layout.observation_offsets();
     let mut work: Vec<_> = parallel::split_mut(blocks, &offsets).into_iter().map(|piece| (piece, 0.0f64)).collect();
-    parallel::for_each_mut(&mut work, |chunk, (piece, sum)| {
+    parallel::for_each_mut_breathing(&mut work, observer, |chunk, (piece, sum)| {
         for (k, block) in piece.iter_mut().enumerate() {
             let o = offsets[chunk] + k;
             let (linearized, cost) = model(o, positions.difference(layout, o));
             *block = linearized;
             *sum += cost.to_f64();
         }
-    });
+    })
+    .await;
     work.iter().map(|(_, sum)| sum).sum()
 }

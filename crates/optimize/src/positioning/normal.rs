@@ -78,7 +78,12 @@ pub(crate) struct Normal<T> {
 
 impl<T: Real> Normal<T> {
     /// Chooses the method and analyses the pattern. `None` if the analysis runs out of memory.
-    pub(crate) fn new(layout: &Layout, shape: Shape, solver: LinearSolver) -> Option<Self> {
+    pub(crate) async fn new(
+        layout: &Layout,
+        shape: Shape,
+        solver: LinearSolver,
+        observer: &mut dyn Observer,
+    ) -> Option<Self> {
         let size = match shape {
             Shape::Isotropic => 1,
             Shape::Full => 3,
@@ -96,7 +101,9 @@ impl<T: Real> Normal<T> {
         if assembly < budget {
             let blocks = BlockLayout::new(vec![size; layout.cameras()]);
             let incidence = Incidence::new(&blocks, point_start.clone(), block.clone())?;
+            breath(observer).await;
             let pattern = Arc::new(BlockPattern::from_incidence(&blocks, &incidence));
+            breath(observer).await;
             let cholesky = Cholesky::new(&pattern).ok()?;
             if assembly + cholesky.flops() / MULTIPLY_ADDS_PER_SECOND < budget {
                 return Some(Self::with(shape, pattern, Some(cholesky), incidence, layout));
@@ -129,16 +136,17 @@ impl<T: Real> Normal<T> {
     }
 
     /// Takes over a new linearisation.
-    pub(crate) fn gather(&mut self, layout: &Layout, blocks: &[Block<T>]) {
+    pub(crate) async fn gather(&mut self, layout: &Layout, blocks: &[Block<T>], observer: &mut dyn Observer) {
         let sizes = layout.point_offsets();
         let triangles = parallel::split_mut(&mut self.triangle, &sizes);
         let gradients = parallel::split_mut(&mut self.point_gradient, &sizes);
         let mut work: Vec<_> = triangles.into_iter().zip(gradients).collect();
-        parallel::for_each_mut(&mut work, |chunk, (triangles, gradients)| {
+        parallel::for_each_mut_breathing(&mut work, observer, |chunk, (triangles, gradients)| {
             for (k, point) in layout.chunks[chunk].clone().enumerate() {
                 (triangles[k], gradients[k]) = gather_point(&blocks[layout.track(point)]);
             }
-        });
+        })
+        .await;
         self.camera_block = layout.map_cameras(|camera| {
             let mut sum = [0.0; 6];
             for &o in layout.of_camera(camera) {
@@ -179,8 +187,8 @@ impl<T: Real> Normal<T> {
             Shape::Isotropic => (self.solve_coordinates(&rhs, observer).await?, 0),
             Shape::Full => self.solve_blocks(layout, blocks, &rhs, lambda, observer).await?,
         };
-        breath(observer).await;
-        Some(self.substitute(layout, blocks, centers, inner_iterations)).filter(|step| {
+        let step = self.substitute(layout, blocks, centers, inner_iterations, observer).await;
+        Some(step).filter(|step| {
             step.predicted_decrease.is_finite() && step.centers.iter().flatten().all(|value| value.is_finite())
         })
     }
@@ -284,18 +292,19 @@ impl<T: Real> Normal<T> {
     }
 
     /// The points' part of the step, `δX = C⁻¹ (Σ M δC − g)`, and what the model promises.
-    fn substitute(
+    async fn substitute(
         &self,
         layout: &Layout,
         blocks: &[Block<T>],
         centers: Vec<Vec3<T>>,
         inner_iterations: usize,
+        observer: &mut dyn Observer,
     ) -> Step<T> {
         let mut points = vec![zero(); layout.points()];
         let pieces = parallel::split_mut(&mut points, &layout.point_offsets());
         let mut work: Vec<_> = pieces.into_iter().map(|piece| (piece, 0.0f64)).collect();
         let half = T::from_f64(0.5);
-        parallel::for_each_mut(&mut work, |chunk, (piece, model)| {
+        parallel::for_each_mut_breathing(&mut work, observer, |chunk, (piece, model)| {
             for (k, point) in layout.chunks[chunk].clone().enumerate() {
                 let track = layout.track(point);
                 let mut right = scale(self.point_gradient[point], -T::ONE);
@@ -310,7 +319,8 @@ impl<T: Real> Normal<T> {
                     *model += (dot(blocks[o].gradient, e) + half * dot(root, root)).to_f64();
                 }
             }
-        });
+        })
+        .await;
         let predicted_decrease = -work.iter().map(|(_, model)| model).sum::<f64>();
         Step { centers, points, predicted_decrease, inner_iterations }
     }

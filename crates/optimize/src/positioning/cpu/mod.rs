@@ -41,23 +41,31 @@ impl<'a, T: Real> Cpu<'a, T> {
 
 impl<T: Real> Convex<T> {
     /// Takes the positions over, and returns the objective there.
-    fn linearize(&mut self, layout: &Layout, rays: &Rays<T>, positions: &Positions<T>) -> f64 {
+    async fn linearize(
+        &mut self,
+        layout: &Layout,
+        rays: &Rays<T>,
+        positions: &Positions<T>,
+        observer: &mut dyn Observer,
+    ) -> f64 {
         let sum = match self.objective {
             Objective::EqualScales { free_scale, huber } => {
                 let (free_scale, loss) = (T::from_f64(free_scale), Loss::Huber(huber));
-                0.5 * linearize(layout, positions, &mut self.blocks, |o, d| {
+                let doubled = linearize(layout, positions, &mut self.blocks, observer, |o, d| {
                     let s = if rays.pin[o] > T::ZERO { rays.pin[o] } else { free_scale };
                     held(rays.direction[o], rays.weight[o], s, d, loss)
-                })
+                });
+                0.5 * doubled.await
             }
             Objective::Lud { bound, delta } => {
                 let (bound, delta) = (T::from_f64(bound), T::from_f64(delta));
-                linearize(layout, positions, &mut self.blocks, |o, d| {
+                let sum = linearize(layout, positions, &mut self.blocks, observer, |o, d| {
                     deviation(rays.direction[o], rays.weight[o], rays.pin[o], d, bound, delta)
-                })
+                });
+                sum.await
             }
         };
-        self.normal.gather(layout, &self.blocks);
+        self.normal.gather(layout, &self.blocks, observer).await;
         sum
     }
 }
@@ -65,7 +73,7 @@ impl<T: Real> Convex<T> {
 impl<T: Real> Backend for Cpu<'_, T> {
     type Scalar = T;
 
-    async fn begin(&mut self, objective: Objective) -> Result<f64, OptimizeError> {
+    async fn begin(&mut self, objective: Objective, observer: &mut dyn Observer) -> Result<f64, OptimizeError> {
         let shape = match objective {
             Objective::EqualScales { .. } => Shape::Isotropic,
             Objective::Lud { .. } => Shape::Full,
@@ -73,18 +81,18 @@ impl<T: Real> Backend for Cpu<'_, T> {
         if matches!(objective, Objective::EqualScales { .. }) {
             self.positions = Positions::origin(self.layout);
         }
-        let normal = Normal::new(self.layout, shape, self.solver)
-            .ok_or(OptimizeError::OutOfMemory { what: "the linear system of a convex start of positioning" })?;
+        let normal = Normal::new(self.layout, shape, self.solver, observer).await;
+        let normal =
+            normal.ok_or(OptimizeError::OutOfMemory { what: "the linear system of a convex start of positioning" })?;
         let blocks = vec![Block::masked(); self.layout.observations()];
         let convex = self.convex.insert(Convex { objective, normal, blocks });
-        Ok(convex.linearize(self.layout, self.rays, &self.positions))
+        Ok(convex.linearize(self.layout, self.rays, &self.positions, observer).await)
     }
 
     async fn solve(&mut self, lambda: f64, observer: &mut dyn Observer) -> Result<Option<ConvexStep>, OptimizeError> {
         let Some(convex) = &mut self.convex else { return Ok(None) };
         let solved = convex.normal.solve(self.layout, &convex.blocks, lambda, observer).await;
         let Some(step) = solved else { return Ok(None) };
-        breath(observer).await;
         let positions = &mut self.positions;
         let mut moved = 0.0f64;
         for (center, delta) in positions.centers.iter_mut().zip(&step.centers) {
@@ -96,7 +104,7 @@ impl<T: Real> Backend for Cpu<'_, T> {
             *point = add(*point, *delta);
         }
         let extent = positions.centers.iter().map(|&center| largest(center)).fold(0.0, f64::max);
-        let cost = convex.linearize(self.layout, self.rays, positions);
+        let cost = convex.linearize(self.layout, self.rays, positions, observer).await;
         Ok(Some(ConvexStep { cost, inner_iterations: step.inner_iterations, moved, extent }))
     }
 
@@ -107,7 +115,7 @@ impl<T: Real> Backend for Cpu<'_, T> {
         observer: &mut dyn Observer,
     ) -> Result<LmReport, OptimizeError> {
         self.convex = None;
-        let mut system = System::new(self.layout, rays, self.positions.clone(), options)?;
+        let mut system = System::new(self.layout, rays, self.positions.clone(), options, observer).await?;
         breath(observer).await;
         let report = lm::minimize(&mut system, &options.lm, observer).await;
         self.positions = system.into_positions();

@@ -39,11 +39,12 @@ impl<'a, T: Real> System<'a, T> {
     ///
     /// # Errors
     /// [`OptimizeError::OutOfMemory`] when the pattern of the linear system does not fit.
-    pub(crate) fn new(
+    pub(crate) async fn new(
         layout: &'a Layout,
         rays: &'a Rays<T>,
         mut start: Positions<T>,
         options: &Options,
+        observer: &mut dyn lm::Observer,
     ) -> Result<Self, OptimizeError> {
         start.normalize(layout, rays);
         let min_scale = options.min_scale * start.median_scale(layout, rays);
@@ -52,8 +53,9 @@ impl<'a, T: Real> System<'a, T> {
             pinned_loss: Loss::Huber(options.huber_pinned),
             min_scale: T::from_f64(min_scale),
         };
-        let normal = Normal::new(layout, Shape::Full, options.linear_solver)
-            .ok_or(OptimizeError::OutOfMemory { what: "the linear system of positioning" })?;
+        lm::breath(observer).await;
+        let normal = Normal::new(layout, Shape::Full, options.linear_solver, observer).await;
+        let normal = normal.ok_or(OptimizeError::OutOfMemory { what: "the linear system of positioning" })?;
         let (point_cost, evaluation) = evaluate(layout, rays, &model, &start);
         Ok(Self {
             layout,
@@ -84,11 +86,11 @@ impl<T: Real> lm::System for System<'_, T> {
 
     async fn linearize(&mut self, observer: &mut dyn lm::Observer) {
         let (rays, model) = (self.rays, &self.model);
-        linearize(self.layout, &self.accepted, &mut self.blocks, |o, d| {
+        let linearized = linearize(self.layout, &self.accepted, &mut self.blocks, observer, |o, d| {
             model.linearize(rays.direction[o], rays.weight[o], rays.pin[o], d)
         });
-        lm::breath(observer).await;
-        self.normal.gather(self.layout, &self.blocks);
+        linearized.await;
+        self.normal.gather(self.layout, &self.blocks, observer).await;
     }
 
     async fn solve(&mut self, lambda: f64, observer: &mut dyn lm::Observer) -> Option<lm::Step> {

@@ -18,7 +18,7 @@ const STEP_TOLERANCE: f64 = 1e-6;
 impl Backend for Gpu<'_> {
     type Scalar = f32;
 
-    async fn begin(&mut self, objective: Objective) -> Result<f64, OptimizeError> {
+    async fn begin(&mut self, objective: Objective, _: &mut dyn Observer) -> Result<f64, OptimizeError> {
         match objective {
             Objective::EqualScales { free_scale, huber } => {
                 self.settings.stage = Stage::EqualScales;

@@ -111,8 +111,8 @@ fn elimination_gives_the_step_of_the_full_system() {
             }
         }
         let expected = dense_solve(matrix, right);
-        let mut normal = Normal::new(&layout, shape, LinearSolver::Cholesky).unwrap();
-        normal.gather(&layout, &blocks);
+        let mut normal = block_on(Normal::new(&layout, shape, LinearSolver::Cholesky, &mut ())).unwrap();
+        block_on(normal.gather(&layout, &blocks, &mut ()));
         let step = block_on(normal.solve(&layout, &blocks, lambda, &mut ())).unwrap();
         let found = step.centers.iter().chain(&step.points).flatten();
         for (found, expected) in found.zip(&expected) {
