@@ -68,7 +68,6 @@ const commands = {
     if (/\.(bin|txt)$/i.test(list[0].path)) {
       const folder = list[0].path.split("/").slice(0, -1).join("/") || "model";
       const opened = session.openModel(folder, list.map(({ path }) => path), list.map(({ file }) => file));
-      send("snapshot", session.snapshot());
       return { ...opened, report: session.modelReport() };
     }
     const wal = list.find(({ path }) => path.endsWith("-wal"));
