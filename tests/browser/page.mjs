@@ -66,9 +66,9 @@ export async function open({ gpu = false, width = 1440, height = 880, theme = "d
 
 /** In the page, before its own scripts: long tasks of its thread, and what its workers say and when. */
 function watch() {
-  /** Engines that are alive: the page opens the next scene beside the one that is there. */
+  /** Engines that are alive, the newest last: the page opens the next scene beside the one that is there. */
   const engines = [];
-  const watched = { longTasks: [], messages: [], workers: [], engineReady: null, get engine() { return engines.at(-1) ?? null; } };
+  const watched = { longTasks: [], messages: [], workers: [], engineReady: null, engines, get engine() { return engines.at(-1) ?? null; } };
   Reflect.set(globalThis, "watched", watched);
   new PerformanceObserver((list) => watched.longTasks.push(...list.getEntries().map(({ startTime, duration }) => ({ startTime, duration }))))
     .observe({ type: "longtask", buffered: true });
