@@ -63,10 +63,8 @@ class Line {
   }
 
   /** @param {string} message */
-  fail(message) {
-    for (const { reject } of this.waiting.values()) {
-      reject(new Refusal({ file: "the engine", message, hint: "reload the page; if it happens again, copy the log into a bug report" }));
-    }
+  fail(message, hint = "reload the page; if it happens again, copy the log into a bug report") {
+    for (const { reject } of this.waiting.values()) reject(new Refusal({ file: "the engine", message, hint }));
     this.waiting.clear();
   }
 
@@ -90,7 +88,7 @@ class Line {
 
   end() {
     this.worker.terminate();
-    this.fail("cancelled");
+    this.fail("the scene was closed", "");
   }
 
   /** Ends once what was asked before is answered, at once if a run is on its way. */

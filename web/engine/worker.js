@@ -73,8 +73,9 @@ const commands = {
     const wal = list.find(({ path }) => path.endsWith("-wal"));
     return session.openDatabase(list[0].path, list[0].file, wal?.file);
   },
-  pictures({ entries }) {
+  async pictures({ entries }) {
     for (const { path, file } of /** @type {Entry[]} */ (entries)) session.addPicture(path, file);
+    await session.color({ send, breathe, decode });
   },
   depths({ entries }) {
     for (const { path, file } of /** @type {Entry[]} */ (entries)) session.addDepth(path, file);

@@ -173,7 +173,7 @@ fn update_errors(reconstruction: &mut Reconstruction) {
 
 /// Gives every point the mean colour of its keypoints, one image in memory at a time. Returns the numbers of coloured
 /// points and of missing images.
-async fn color(
+pub async fn color(
     reconstruction: &mut Reconstruction,
     source: &mut dyn ImageSource,
     observer: &mut dyn Observer,
