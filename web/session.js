@@ -109,8 +109,8 @@ export class Session {
     const opened = await this.engine.open(entries, signal);
     // Every database is called database.db: its folder tells them apart.
     if (opened.kind === "database") opened.name = entries[0].path.split("/").slice(-2).join("/");
-    this.clear({ opened, report: opened.report ?? null, phase: "ready", reading: false });
     this.engine.adopt();
+    this.clear({ opened, report: opened.report ?? null, phase: "ready", reading: false });
     for (const warning of opened.warnings) this.on.say(warning, "fair");
     if (opened.kind === "model") await this.engine.ask({ type: "snapshot" });
   }
@@ -144,7 +144,11 @@ export class Session {
       this.on.picturesChanged();
       // A run that is on its way has its colours already planned: the engine takes photographs before it and after it.
       if (this.running) this.late = true;
-      else await this.sendPictures();
+      else {
+        // Colours come into a scene that is in use.
+        this.store.set({ reading: false });
+        await this.sendPictures();
+      }
       if (mine !== this.scene) return;
     }
     if (depths.length > 0) {
@@ -161,7 +165,6 @@ export class Session {
   /** The engine colours with them what it has solved already. */
   async sendPictures() {
     this.late = false;
-    if (this.store.state.phase === "done") this.on.reading("Colouring the points");
     await this.engine.ask({ type: "pictures", entries: [...this.pictures.files].map(([path, file]) => ({ path, file })) });
   }
 

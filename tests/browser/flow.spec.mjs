@@ -114,8 +114,9 @@ test("photographs that come after the solve colour it", { timeout: 60_000 }, asy
       const bytes = await (await canvas.convertToBlob({ type: "image/jpeg", quality: 1 })).arrayBuffer();
       return btoa(String.fromCharCode(...new Uint8Array(bytes)));
     });
+    await page.evaluate(() => globalThis.watched.messages.splice(0));
     await drop(page, { photographs: Object.fromEntries(Array.from({ length: 18 }, (_, k) => [`${String(k).padStart(5, "0")}.jpg`, red])) });
-    await phase(page, ["done"]);
+    await page.waitForFunction(() => globalThis.watched.messages.some((m) => m.type === "snapshot"));
     const found = rgb((await exported(page, "colours-after")).model);
     assert.ok(found.every((channel, k) => Math.abs(channel - [200, 40, 40][k]) < 8), `${found}`);
     assert.deepEqual(complaints, []);

@@ -216,8 +216,8 @@ pub async fn color(
         let more = if missing.len() > LISTED_NAMES { ", …" } else { "" };
         observer.event(&Event::Warning {
             message: format!(
-                "{} of {total} images could not be read for colours ({names}{more}): give --images the folder in which \
-                 '{first}' lies",
+                "{} of {total} images could not be read for colours ({names}{more}): add the folder in which '{first}' \
+                 lies (on the command line --images)",
                 missing.len()
             ),
         });
