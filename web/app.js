@@ -30,7 +30,7 @@ const sample = () => session.open((signal) => fromUrl(new URL("./sample.db", imp
 const view = scenePanel(byId("scene"), store, engine, pictures, {
   pickFiles, pickFolder, sample, solve: () => run.solve(), giveUp: () => session.giveUp(), shown: (figures) => run.shown(figures),
 });
-const inputs = inputsPanel(byId("inputs"), store, engine, pictures, { snap: view.snap, pickFiles, pickFolder, sample });
+const inputs = inputsPanel(byId("inputs"), store, engine, pictures, { snap: view.snap, pickFiles, pickFolder, sample, close: () => session.close() });
 const run = runPanel(byId("run"), store, engine, {
   pickFiles, solve: (choice) => session.solve(choice), stop: () => session.stop(), cancel: () => session.cancel(), pause: () => session.togglePause(), problem: (failure) => session.problem(failure),
 });
@@ -62,8 +62,9 @@ function receive(message) {
     const { event } = message;
     run.event(event);
     if (event.event === "stage_finished") run.journal.add(event.summary);
-    else if (event.event === "warning") run.journal.add(event.message, "fair");
+    else if (event.event === "warning" || event.event === "device_lost") run.journal.add(event.message, "fair");
     else if (event.event === "component_finished") run.journal.add(`model ${event.component + 1}: ${plural(event.images, "image")}, ${count(event.points)} points`);
+    if (event.event === "device_lost" && event.resumed_on === null) device.running({ kind: "none", name: "processor", why: event.message });
   } else if (message.type === "snapshot") {
     session.snapshot(message.snapshot);
   } else if (message.type === "panic") {
@@ -71,11 +72,12 @@ function receive(message) {
   }
 }
 
-store.on(["opened", "phase"], () => {
-  const { opened, phase } = store.state;
+store.on(["opened", "phase", "reading"], () => {
+  const { opened, phase, reading } = store.state;
   byId("title").textContent = opened ? `${opened.name} · ${plural(opened.images.length, "image")} · ${plural(opened.pairs.length / 3, "pair")} · ${bytes(opened.bytes)}` : "";
-  document.title = `${{ running: "Solving · ", paused: "Paused · ", stopping: "Stopping · ", done: "Done · ", empty: "", opening: "", ready: "" }[phase]}${opened ? `${opened.name} · ` : ""}Epipole`;
+  document.title = `${{ running: "Solving · ", paused: "Paused · ", stopping: "Stopping · ", done: "Done · ", empty: "", ready: "" }[phase]}${opened ? `${opened.name} · ` : ""}Epipole`;
   document.body.dataset.phase = phase;
+  document.body.dataset.reading = String(reading);
 });
 
 addShortcuts([
@@ -88,9 +90,9 @@ addShortcuts([
   { keys: ["f"], what: "see the whole scene", run: view.frame },
   { keys: ["c"], what: "look through the selected image", run: () => store.state.selection.image !== undefined && view.snap(store.state.selection.image) },
   { keys: ["n", "p"], what: "next, previous image", run: (event) => {
-    const n = store.state.opened?.images.length ?? 0;
-    const at = store.state.selection.image ?? (event.key === "n" ? -1 : n);
-    if (n > 0) store.set({ selection: { kind: "image", image: (at + (event.key === "n" ? 1 : n - 1)) % n }, seenBy: [] });
+    const [n, next] = [store.state.opened?.images.length ?? 0, /n/i.test(event.key)];
+    const at = store.state.selection.image ?? (next ? -1 : n);
+    if (n > 0) store.set({ selection: { kind: "image", image: (at + (next ? 1 : n - 1)) % n }, seenBy: [] });
   } },
   { keys: ["t"], what: "theme", run: theme.next },
   { keys: ["Escape"], what: "select nothing", run: () => store.set({ selection: { kind: "none" }, seenBy: [] }) },

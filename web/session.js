@@ -29,8 +29,6 @@ export class Session {
     this.on = on;
     /** Raised when a newer scene was asked for: what is still on its way from the older one is dropped. */
     this.scene = 0;
-    /** A model's picture comes before the answer that it is open. @type {Snapshot|null} */
-    this.early = null;
     /** @type {AbortController|null} */
     this.loading = null;
     this.cancelled = false;
@@ -56,22 +54,20 @@ export class Session {
 
   /** @param {Snapshot} snapshot */
   snapshot(snapshot) {
-    const { phase, opened } = this.store.state;
-    if (phase === "opening") this.early = snapshot;
-    else if (opened !== null && !this.cancelled) {
-      // Ten pictures a second: the page hears of it only when cameras have come or gone.
-      if (snapshot.final || snapshot.cameraImage.length !== this.store.state.placed.size) this.store.set({ placed: new Set(snapshot.cameraImage) });
-      this.on.draw(snapshot);
-    }
+    const { opened, placed } = this.store.state;
+    if (opened === null || this.cancelled) return;
+    // Ten pictures a second: the page hears of it only when cameras have come or gone.
+    if (snapshot.final || snapshot.cameraImage.length !== placed.size) this.store.set({ placed: new Set(snapshot.cameraImage) });
+    this.on.draw(snapshot);
   }
 
-  /** Everything of the scene before goes. @param {import("./store.js").Phase} phase */
-  clear(phase) {
+  /** Everything of the scene before goes. @param {Partial<import("./store.js").State>} [next] what takes its place */
+  clear(next) {
+    this.scene += 1;
     this.pictures.clear();
-    this.late = false;
-    this.early = null;
-    this.store.forget(phase);
+    this.late = this.cancelled = false;
     this.on.cleared();
+    this.store.forget(next);
   }
 
   /**
@@ -82,8 +78,7 @@ export class Session {
     this.loading?.abort();
     const loading = (this.loading = new AbortController());
     const stale = () => loading.signal.aborted;
-    const { opened } = this.store.state;
-    this.store.set({ problems: [], ...(opened ? {} : { phase: "opening" }) });
+    this.store.set({ problems: [], reading: true });
     this.on.reading(`Reading ${what}`);
     let named = what;
     try {
@@ -93,8 +88,7 @@ export class Session {
       if (stale()) return;
       for (const failure of sorted.refused) this.problem(failure);
       named = sorted.open[0]?.path ?? named;
-      if (sorted.open.length > 0) await this.replace(sorted.open, stale);
-      else if (!this.store.state.opened) this.store.set({ phase: "empty" });
+      if (sorted.open.length > 0) await this.replace(sorted.open, loading.signal);
       if (stale()) return;
       if (sorted.settings) this.on.settings(JSON.parse(await sorted.settings.file.text()));
       if (sorted.pictures.length + sorted.depths.length > 0) await this.attach(sorted.pictures, sorted.depths);
@@ -103,36 +97,35 @@ export class Session {
         this.problem({ file: named, message: "there is no database, model or photograph in it", hint: "drop a database.db, or a folder that holds one" });
       }
     } catch (error) {
-      if (stale()) return;
-      this.refuse(error, named);
-      if (!this.store.state.opened) this.clear("empty");
+      if (!stale()) this.refuse(error, named);
+    } finally {
+      if (!stale()) this.store.set({ reading: false });
     }
   }
 
-  /** @param {Entry[]} entries @param {() => boolean} stale */
-  async replace(entries, stale) {
-    this.scene += 1;
-    if (this.running) this.engine.restart();
-    this.clear("opening");
+  /** @param {Entry[]} entries @param {AbortSignal} signal */
+  async replace(entries, signal) {
     this.on.reading(`Reading ${entries[0].path}`);
-    /** @type {import("./engine/protocol.js").Opened} */
-    const opened = await this.engine.ask({ type: "open", entries });
-    if (stale()) return;
-    this.cancelled = false;
+    const opened = await this.engine.open(entries, signal);
     // Every database is called database.db: its folder tells them apart.
     if (opened.kind === "database") opened.name = entries[0].path.split("/").slice(-2).join("/");
-    this.store.set({ opened, report: opened.report ?? null, phase: "ready" });
-    if (this.early) this.snapshot(this.early);
-    this.early = null;
+    this.engine.adopt();
+    this.clear({ opened, report: opened.report ?? null, phase: "ready", reading: false });
     for (const warning of opened.warnings) this.on.say(warning, "fair");
+    if (opened.kind === "model") await this.engine.ask({ type: "snapshot" });
   }
 
-  /** Stops reading: what was there before is gone already, nothing new comes. */
+  /** Stops reading: what was there before stays, nothing new comes. */
   giveUp() {
-    this.scene += 1;
     this.loading?.abort();
+    this.store.set({ reading: false });
+  }
+
+  /** Nothing is open afterwards, and the memory is given back. */
+  close() {
+    this.giveUp();
+    this.clear();
     this.engine.restart();
-    this.clear("empty");
   }
 
   /** @param {Entry[]} photographs @param {Entry[]} depths */
@@ -151,7 +144,11 @@ export class Session {
       this.on.picturesChanged();
       // A run that is on its way has its colours already planned: the engine takes photographs before it and after it.
       if (this.running) this.late = true;
-      else await this.sendPictures();
+      else {
+        // Colours come into a scene that is in use.
+        this.store.set({ reading: false });
+        await this.sendPictures();
+      }
       if (mine !== this.scene) return;
     }
     if (depths.length > 0) {
@@ -165,6 +162,7 @@ export class Session {
     }
   }
 
+  /** The engine colours with them what it has solved already. */
   async sendPictures() {
     this.late = false;
     await this.engine.ask({ type: "pictures", entries: [...this.pictures.files].map(([path, file]) => ({ path, file })) });
@@ -187,7 +185,6 @@ export class Session {
       if (mine !== this.scene) return;
       this.store.set({ report, phase: "done" });
       this.on.ended(isModel ? `Refined${report.stopped ? " as far as it got" : ""}.` : `${report.stopped ? "Stopped: " : ""}${count(report.num_registered)} of ${plural(report.num_images, "image")} placed.`, !report.stopped);
-      for (const warning of report.warnings) this.on.say(warning, "fair");
     } catch (error) {
       if (mine !== this.scene) return;
       if (this.cancelled) this.on.say("Cancelled.");
@@ -230,9 +227,8 @@ export class Session {
   died(message, started) {
     // One that never started would not start the next time either.
     const hint = started ? "this is a mistake of ours: copy the report from the log; the page can be used on" : "reload the page; a browser of the last two years is needed";
-    this.scene += 1;
     this.problem({ file: "the engine", message, hint });
+    this.clear();
     if (started) this.engine.restart();
-    this.clear("empty");
   }
 }

@@ -4,11 +4,12 @@
  * @typedef {import("./engine/protocol.js").Opened} Opened
  * @typedef {import("./engine/protocol.js").Report} Report
  * @typedef {import("./engine/protocol.js").Failure} Failure
- * @typedef {"empty"|"opening"|"ready"|"running"|"paused"|"stopping"|"done"} Phase
+ * @typedef {"empty"|"ready"|"running"|"paused"|"stopping"|"done"} Phase
  * @typedef {{ kind: "image"|"point"|"pair"|"none", image?: number, other?: number, point?: number }} Selection
  *
  * @typedef {object} State
  * @property {Phase} phase
+ * @property {boolean} reading another scene, or what joins this one, is on its way
  * @property {Opened|null} opened what was read from the database or model
  * @property {Report|null} report of the finished run
  * @property {Failure[]} problems refusals that are shown
@@ -22,8 +23,9 @@
  * @property {string} imageFilter which thumbnails: all, placed, weak, missing
  */
 
-/** Of the scene only: problems outlive it. */
+/** Of the scene only: problems outlive it, and so does what is being read. */
 const scene = () => ({
+  /** @type {Phase} */ phase: "empty",
   /** @type {Opened|null} */ opened: null,
   /** @type {Report|null} */ report: null,
   /** @type {Selection} */ selection: { kind: "none" },
@@ -39,7 +41,7 @@ const scene = () => ({
 export class Store {
   constructor() {
     /** @type {State} */
-    this.state = { phase: "empty", problems: [], ...scene() };
+    this.state = { reading: false, problems: [], ...scene() };
     /** @type {Map<string, Set<() => void>>} */
     this.listeners = new Map();
   }
@@ -67,8 +69,8 @@ export class Store {
     }
   }
 
-  /** Forgets the scene, so that nothing of it leaks into the next. @param {Phase} phase */
-  forget(phase) {
-    this.set({ phase, ...scene() });
+  /** Forgets the scene, so that nothing of it leaks into the next. @param {Partial<State>} [next] the next, if there is one */
+  forget(next) {
+    this.set({ ...scene(), ...next });
   }
 }

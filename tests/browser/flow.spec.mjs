@@ -5,7 +5,7 @@ import { readFileSync, readdirSync, rmSync } from "node:fs";
 import { join } from "node:path";
 import { test } from "node:test";
 import { unpack } from "./archive.mjs";
-import { button, choose, computeOn, evaluate, exported, fixtures, nativeModel, open, openScene, out, panel, phase, reconstruct, shared } from "./page.mjs";
+import { button, choose, computeOn, drop, evaluate, exported, fixtures, nativeModel, open, openScene, out, panel, phase, reconstruct, shared } from "./page.mjs";
 
 /** AUC@1 of the page's model may differ by so much from the command line's on the same file (issue 5). */
 const AUC_TOLERANCE = 0.3;
@@ -92,6 +92,33 @@ test("depth maps beside the database make the model metric", { timeout: 60_000 }
     const report = JSON.parse(readFileSync(join(out, "orbit-depth", names.find((name) => name.endsWith("report.json")) ?? ""), "utf8"));
     assert.equal(report.components[0].metric.maps, 17);
     assert.deepEqual(report.depth_input.missing, ["00006.jpg"]);
+    assert.deepEqual(complaints, []);
+  } finally {
+    await browser.close();
+  }
+});
+
+test("photographs that come after the solve colour it", { timeout: 60_000 }, async () => {
+  const { browser, page, complaints } = await open();
+  try {
+    await openScene(page, [orbit.database]);
+    await reconstruct(page, 30_000);
+    /** Of the first point (COLMAP's points3D.bin: count, id, xyz, rgb). @param {string} model */
+    const rgb = (model) => [...readFileSync(join(model, "points3D.bin")).subarray(40, 43)];
+    assert.deepEqual(rgb((await exported(page, "colours-before")).model), [0, 0, 0]);
+    const red = await page.evaluate(async () => {
+      const canvas = new OffscreenCanvas(64, 48);
+      const context = canvas.getContext("2d");
+      context.fillStyle = "rgb(200 40 40)";
+      context.fillRect(0, 0, 64, 48);
+      const bytes = await (await canvas.convertToBlob({ type: "image/jpeg", quality: 1 })).arrayBuffer();
+      return btoa(String.fromCharCode(...new Uint8Array(bytes)));
+    });
+    await page.evaluate(() => globalThis.watched.messages.splice(0));
+    await drop(page, { photographs: Object.fromEntries(Array.from({ length: 18 }, (_, k) => [`${String(k).padStart(5, "0")}.jpg`, red])) });
+    await page.waitForFunction(() => globalThis.watched.messages.some((m) => m.type === "snapshot"));
+    const found = rgb((await exported(page, "colours-after")).model);
+    assert.ok(found.every((channel, k) => Math.abs(channel - [200, 40, 40][k]) < 8), `${found}`);
     assert.deepEqual(complaints, []);
   } finally {
     await browser.close();

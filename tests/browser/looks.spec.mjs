@@ -13,8 +13,10 @@ const PICTURE_BYTES = 300_000;
 
 const castle = shared && join(shared, "strecha_castle-P19");
 
-/** Share of the pixels that are not the most frequent colour. @param {Buffer} png of 8-bit RGB or RGBA, as browsers write them */
-function drawnShare(png) {
+/** @typedef {{ width: number, height: number, at: (x: number, y: number) => number[] }} Picture `at` gives red, green and blue */
+
+/** @param {Buffer} png of 8-bit RGB or RGBA, as browsers write them @returns {Picture} */
+function decode(png) {
   const [width, height, channels] = [png.readUInt32BE(16), png.readUInt32BE(20), png[25] === 6 ? 4 : 3];
   const parts = [];
   for (let at = 8; at < png.length; at += 12 + png.readUInt32BE(at)) {
@@ -23,8 +25,8 @@ function drawnShare(png) {
   const raw = inflateSync(Buffer.concat(parts));
   const stride = width * channels;
   let above = Buffer.alloc(stride);
-  /** @type {Map<number, number>} */
-  const colours = new Map();
+  /** @type {Buffer[]} */
+  const rows = [];
   for (let y = 0; y < height; y += 1) {
     const filter = raw[y * (stride + 1)];
     const row = Buffer.from(raw.subarray(y * (stride + 1) + 1, (y + 1) * (stride + 1)));
@@ -34,13 +36,46 @@ function drawnShare(png) {
       const [pa, pb, pc] = [Math.abs(p - a), Math.abs(p - b), Math.abs(p - c)];
       row[x] += [0, a, b, (a + b) >> 1, pa <= pb && pa <= pc ? a : pb <= pc ? b : c][filter];
     }
-    for (let x = 0; x < stride; x += channels) {
-      const colour = (row[x] << 16) | (row[x + 1] << 8) | row[x + 2];
-      colours.set(colour, (colours.get(colour) ?? 0) + 1);
-    }
+    rows.push(row);
     above = row;
   }
+  return { width, height, at: (x, y) => [...rows[y].subarray(channels * x, channels * x + 3)] };
+}
+
+/** Share of the pixels that are not the most frequent colour. @param {Picture} picture */
+function drawnShare({ width, height, at }) {
+  /** @type {Map<number, number>} */
+  const colours = new Map();
+  for (let y = 0; y < height; y += 1) {
+    for (let x = 0; x < width; x += 1) {
+      const [red, green, blue] = at(x, y);
+      const colour = (red << 16) | (green << 8) | blue;
+      colours.set(colour, (colours.get(colour) ?? 0) + 1);
+    }
+  }
   return 1 - Math.max(...colours.values()) / (width * height);
+}
+
+/** No camera hides under the toolbar. @param {import("./page.mjs").Page} page @param {string} name */
+async function camerasInSight(page, name) {
+  const tools = page.locator(".tools");
+  const [canvas, top] = [await page.locator("#scene canvas.view").boundingBox(), (await tools.boundingBox())?.y ?? 0];
+  assert.ok(canvas && top > canvas.y, `${name}: there is a toolbar`);
+  await tools.evaluate((node) => (node.style.visibility = "hidden"));
+  const picture = decode(await page.locator("#scene canvas.view").screenshot());
+  await tools.evaluate((node) => (node.style.visibility = ""));
+  const frustum = await page.evaluate(() => getComputedStyle(document.documentElement).getPropertyValue("--frustum").trim().match(/[0-9a-f]{2}/g).map((channel) => Number.parseInt(channel, 16)));
+  const edge = ((top - canvas.y) * picture.height) / canvas.height;
+  let [above, below] = [0, 0];
+  for (let y = 0; y < picture.height; y += 1) {
+    for (let x = 0; x < picture.width; x += 1) {
+      const isCamera = picture.at(x, y).every((channel, k) => Math.abs(channel - frustum[k]) < 16);
+      if (isCamera && y < edge) above += 1;
+      else if (isCamera) below += 1;
+    }
+  }
+  assert.ok(above > 100, `${name}: only ${above} px of cameras`);
+  assert.equal(below, 0, `${name}: cameras under the toolbar`);
 }
 
 /** Nothing is cut off at the side, and the canvas shows something where it should. @param {import("./page.mjs").Page} page @param {string} name @param {boolean} drawn */
@@ -50,7 +85,7 @@ async function look(page, name, drawn) {
   const overflow = await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
   assert.ok(overflow <= 0, `${name}: ${overflow} px wider than the screen`);
   if (drawn) {
-    const share = drawnShare(await page.locator("#scene canvas.view").screenshot());
+    const share = drawnShare(decode(await page.locator("#scene canvas.view").screenshot()));
     assert.ok(share > 0.01, `${name}: the scene is blank, only ${(100 * share).toFixed(2)} % of it is drawn`);
   }
   return path;
@@ -77,6 +112,7 @@ for (const [name, options] of /** @type {const} */ ([
       await page.waitForTimeout(1500);
       await page.getByRole("region", { name: "Scene" }).scrollIntoViewIfNeeded();
       await look(page, `${name}-4-after`, true);
+      await camerasInSight(page, name);
       assert.deepEqual(complaints, []);
     } finally {
       await browser.close();

@@ -13,7 +13,7 @@ const WITH_GPU = [
   "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--enable-unsafe-webgpu", "--ignore-gpu-blocklist", "--enable-gpu",
   "--enable-features=Vulkan", "--use-vulkan=swiftshader",
 ];
-/** The same without WebGPU. */
+/** The same with a WebGPU that offers no adapter. */
 const WITHOUT_GPU = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-features=WebGPU"];
 const COMMON = [
   "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync",
@@ -31,12 +31,13 @@ mkdirSync(out, { recursive: true });
 /**
  * A browser with one page on it. `complaints` is everything that the page said to the console as an error: nothing it says
  * there is without meaning.
- * @param {{ gpu?: boolean, width?: number, height?: number, theme?: "dark"|"light", query?: string, still?: boolean, touch?: boolean }} [options]
+ * With `gpu` there is WebGPU on SwiftShader; without it WebGPU offers no adapter, or is `"missing"`, as in older browsers.
+ * @param {{ gpu?: boolean|"missing", width?: number, height?: number, theme?: "dark"|"light", query?: string, still?: boolean, touch?: boolean }} [options]
  */
 export async function open({ gpu = false, width = 1440, height = 880, theme = "dark", query = "", still = false, touch = false } = {}) {
   const browser = await chromium.launch({
     executablePath: process.env.EPIPOLE_CHROMIUM ?? "/usr/bin/chromium",
-    args: [...COMMON, ...(gpu ? WITH_GPU : WITHOUT_GPU)],
+    args: [...COMMON, ...(gpu === true ? WITH_GPU : WITHOUT_GPU)],
   });
   try {
     const page = await browser.newPage({ viewport: { width, height }, colorScheme: theme, reducedMotion: still ? "reduce" : "no-preference", hasTouch: touch, isMobile: touch, deviceScaleFactor: touch ? 2 : 1 });
@@ -45,6 +46,12 @@ export async function open({ gpu = false, width = 1440, height = 880, theme = "d
     page.on("console", (message) => message.type() === "error" && complaints.push(message.text()));
     page.on("pageerror", (error) => complaints.push(String(error)));
     await page.addInitScript(watch);
+    if (gpu === "missing") {
+      await page.route("**/web/engine/worker.js", async (route) => {
+        const response = await route.fetch();
+        await route.fulfill({ response, body: `delete WorkerNavigator.prototype.gpu;\n${await response.text()}` });
+      });
+    }
     const start = Date.now();
     await page.goto(url + query);
     const loadedMs = Date.now() - start;
@@ -59,14 +66,16 @@ export async function open({ gpu = false, width = 1440, height = 880, theme = "d
 
 /** In the page, before its own scripts: long tasks of its thread, and what its workers say and when. */
 function watch() {
-  const watched = { longTasks: [], messages: [], workers: [], engineReady: null, engine: null };
+  /** Engines that are alive, the newest last: the page opens the next scene beside the one that is there. */
+  const engines = [];
+  const watched = { longTasks: [], messages: [], workers: [], engineReady: null, engines, get engine() { return engines.at(-1) ?? null; } };
   Reflect.set(globalThis, "watched", watched);
   new PerformanceObserver((list) => watched.longTasks.push(...list.getEntries().map(({ startTime, duration }) => ({ startTime, duration }))))
     .observe({ type: "longtask", buffered: true });
   const Plain = globalThis.Worker;
   globalThis.Worker = class extends Plain {
     terminate() {
-      if (watched.engine === this) watched.engine = null;
+      if (engines.includes(this)) engines.splice(engines.indexOf(this), 1);
       super.terminate();
     }
 
@@ -76,7 +85,7 @@ function watch() {
       this.addEventListener("message", ({ data }) => {
         if (data?.type === "ready") {
           watched.engineReady ??= performance.now();
-          watched.engine = this;
+          engines.push(this);
         }
         watched.messages.push({ at: performance.now(), type: data?.type ?? "answer", event: data?.event?.event, stage: data?.event?.stage, adapter: data?.adapter });
       });
@@ -84,9 +93,9 @@ function watch() {
   };
 }
 
-/** Waits until the page is in one of these phases. @param {Page} page @param {string[]} phases @param {number} [timeout] */
+/** Waits until the page has read what it was given and is in one of these phases. @param {Page} page @param {string[]} phases @param {number} [timeout] */
 export async function phase(page, phases, timeout = 60_000) {
-  await page.waitForFunction((wanted) => wanted.includes(document.body.dataset.phase), phases, { timeout, polling: 20 });
+  await page.waitForFunction((wanted) => document.body.dataset.reading !== "true" && wanted.includes(document.body.dataset.phase), phases, { timeout, polling: 20 });
 }
 
 /** Chooses files as a person does. @param {Page} page @param {string[]} files */
@@ -249,6 +258,12 @@ export function evaluate(model, truth) {
 export async function wasmBytes(page) {
   const { value } = await ask(page, { type: "status" });
   return value.memoryBytes;
+}
+
+/** The engine's own thread, to see and change what it is given by the browser. @param {Page} page */
+export async function engineWorker(page) {
+  for (const worker of page.workers().reverse()) if (await worker.evaluate(() => "epipolePanicked" in globalThis)) return worker;
+  throw new Error("there is no engine");
 }
 
 /** Asks the engine's worker as the page does; with how long the answer took. @param {Page} page @param {Record<string, any>} command @param {number} [limitMs] */

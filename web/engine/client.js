@@ -1,8 +1,10 @@
-// The page's end of the engine's worker: the whole of what a page needs to embed the engine. Every scene gets a worker of its own,
-// so that nothing of one can leak into the next and its memory is given back.
+// The page's end of the engine's workers: the whole of what a page needs to embed the engine. Every scene gets a worker of its own,
+// so that nothing of one can leak into the next and its memory is given back; the next is opened beside it, so that a refusal costs nothing.
 
 /**
  * @typedef {import("./protocol.js").Command} Command
+ * @typedef {import("./protocol.js").Entry} Entry
+ * @typedef {import("./protocol.js").Opened} Opened
  * @typedef {import("./protocol.js").Signal} Signal
  * @typedef {import("./protocol.js").Message} Message
  */
@@ -29,35 +31,23 @@ export function policedWorker(path) {
   return worker;
 }
 
-export class Engine {
-  /** @param {(message: Message) => void} receive */
+/** One worker, and what was asked of it. */
+class Line {
+  /** @param {(message: Message) => void} receive what the worker says on its own */
   constructor(receive) {
-    this.receive = receive;
     this.next = 0;
     /** @type {Map<number, {resolve: (value: any) => void, reject: (error: Error) => void}>} */
     this.waiting = new Map();
     /** @type {Set<Promise<any>>} */
     this.answers = new Set();
-    /** A scene was opened in this worker. */
+    /** A scene was opened in this worker, or should have been. */
     this.used = false;
     this.solving = false;
-    /** What the last worker found to compute on: said again only where it has changed. */
-    this.adapter = "";
-    this.start();
-  }
-
-  start() {
-    this.used = false;
     this.worker = policedWorker("./engine-worker.js");
     this.worker.onmessage = ({ data }) => {
       if (data.id === undefined) {
-        if (data.type === "ready") {
-          const adapter = JSON.stringify(data.adapter);
-          if (adapter === this.adapter) return;
-          this.adapter = adapter;
-        }
-        if (data.type === "panic") this.fail("it ended early");
-        this.receive(data);
+        if (data.type === "panic") this.fail(data.message);
+        receive(data);
         return;
       }
       const waiting = this.waiting.get(data.id);
@@ -68,47 +58,23 @@ export class Engine {
     this.worker.onerror = (event) => {
       const message = event.message || "the engine's worker could not be loaded";
       this.fail(message);
-      this.receive({ type: "panic", message });
+      receive({ type: "panic", message });
     };
   }
 
   /** @param {string} message */
-  fail(message) {
-    for (const { reject } of this.waiting.values()) {
-      reject(new Refusal({ file: "the engine", message, hint: "reload the page; if it happens again, copy the log into a bug report" }));
-    }
+  fail(message, hint = "reload the page; if it happens again, copy the log into a bug report") {
+    for (const { reject } of this.waiting.values()) reject(new Refusal({ file: "the engine", message, hint }));
     this.waiting.clear();
-  }
-
-  /** Ends a worker that no longer listens and starts a fresh one. */
-  restart() {
-    this.worker?.terminate();
-    this.fail("cancelled");
-    this.start();
-  }
-
-  /** Ends the engine and gives all of its memory back. */
-  dispose() {
-    this.worker?.terminate();
-    this.worker = undefined;
-    this.fail("the engine was disposed of");
-  }
-
-  /** Starts a fresh worker once what was asked before is answered, at once if a run is on its way. A module's memory grows and never shrinks. */
-  async renew() {
-    if (!this.used) return;
-    if (!this.solving) await Promise.allSettled([...this.answers]);
-    this.restart();
   }
 
   /** @param {Command} command @param {Transferable[]} [transfer] @returns {Promise<any>} */
   async ask(command, transfer = []) {
-    if (command.type === "close") return this.renew();
-    if (command.type === "open") {
-      await this.renew();
-      this.used = true;
-    }
-    const answer = this.post(command, transfer);
+    const id = this.next++;
+    const answer = new Promise((resolve, reject) => {
+      this.waiting.set(id, { resolve, reject });
+      this.worker.postMessage({ id, ...command }, transfer);
+    });
     this.answers.add(answer);
     const solves = command.type === "solve" || command.type === "refine";
     if (solves) this.solving = true;
@@ -120,17 +86,89 @@ export class Engine {
     }
   }
 
-  /** @param {Command} command @param {Transferable[]} transfer @returns {Promise<any>} */
-  post(command, transfer) {
-    const id = this.next++;
-    return new Promise((resolve, reject) => {
-      this.waiting.set(id, { resolve, reject });
-      this.worker?.postMessage({ id, ...command }, transfer);
+  end() {
+    this.worker.terminate();
+    this.fail("the scene was closed", "");
+  }
+
+  /** Ends once what was asked before is answered, at once if a run is on its way. */
+  async retire() {
+    if (!this.solving) await Promise.allSettled([...this.answers]);
+    this.end();
+  }
+}
+
+export class Engine {
+  /** @param {(message: Message) => void} receive */
+  constructor(receive) {
+    this.receive = receive;
+    /** What the last worker found to compute on: said again only where it has changed. */
+    this.adapter = "";
+    this.line = this.fresh();
+    /** Where the next scene is being opened. @type {Line|null} */
+    this.candidate = null;
+  }
+
+  fresh() {
+    const line = new Line((message) => {
+      if (message.type === "ready") {
+        const adapter = JSON.stringify(message.adapter);
+        if (adapter === this.adapter) return;
+        this.adapter = adapter;
+      } else if (line !== this.line || line === this.candidate) return;
+      this.receive(message);
     });
+    return line;
+  }
+
+  /**
+   * Opens a scene beside the one that is there, which goes on until `adopt`; a refusal or `signal` ends the new one only.
+   * @param {Entry[]} entries @param {AbortSignal} signal @returns {Promise<Opened>}
+   */
+  async open(entries, signal) {
+    const line = (this.candidate = this.line.used ? this.fresh() : this.line);
+    line.used = true;
+    const end = () => line.end();
+    signal.addEventListener("abort", end);
+    try {
+      return await line.ask({ type: "open", entries });
+    } catch (error) {
+      line.end();
+      if (line === this.candidate) this.candidate = null;
+      if (line === this.line) this.line = this.fresh();
+      throw error;
+    } finally {
+      signal.removeEventListener("abort", end);
+    }
+  }
+
+  /** The scene that was opened last takes the place of the one before, whose worker ends. */
+  adopt() {
+    if (!this.candidate) return;
+    const before = this.line;
+    [this.line, this.candidate] = [this.candidate, null];
+    if (before !== this.line) before.retire();
+  }
+
+  /** Ends the worker of the scene that is there and starts one without a scene. */
+  restart() {
+    this.line.end();
+    this.line = this.fresh();
+  }
+
+  /** Ends the engine and gives all of its memory back. */
+  dispose() {
+    this.candidate?.end();
+    this.line.end();
+  }
+
+  /** @param {Command} command @param {Transferable[]} [transfer] @returns {Promise<any>} */
+  ask(command, transfer) {
+    return this.line.ask(command, transfer);
   }
 
   /** @param {Signal} signal */
   signal(signal) {
-    this.worker?.postMessage(signal);
+    this.line.worker.postMessage(signal);
   }
 }

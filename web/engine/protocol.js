@@ -70,8 +70,7 @@
  *   | { type: "residuals", image: number }
  *   | { type: "track", point: number }
  *   | { type: "export", formats: string[], component: number|null, filter: {maxErrorPx: number, minTrack: number}, settings: Record<string, any> }
- *   | { type: "status" }
- *   | { type: "close" }} Command
+ *   | { type: "status" }} Command
  *
  * What the engine holds, and the longest time for which the last run did not look at what it was asked.
  * @typedef {{ memoryBytes: number, longestGap: { ms: number, stage: string|null } }} Status

@@ -50,17 +50,20 @@ function fresh() {
 }
 
 const pool = new Pool();
+let mostHelpers = 0;
+
+const host = {
+  send, breathe, decode,
+  startHelpers: (/** @type {WebAssembly.Module} */ module) => pool.start(module, mostHelpers),
+  solvePairs: (/** @type {Float64Array} */ problems) => pool.solve(problems),
+  endHelpers: () => pool.end(),
+};
 
 /** @param {"solve"|"refine"} what @param {{ settings: Record<string, any>, backend?: "auto"|"gpu"|"cpu", helpers?: number }} command */
 async function run(what, { settings, backend = "auto", helpers = navigator.hardwareConcurrency }) {
   paused = false;
+  mostHelpers = helpers;
   control = session.control();
-  const host = {
-    send, breathe, decode,
-    startHelpers: (/** @type {WebAssembly.Module} */ module) => pool.start(module, helpers),
-    solvePairs: (/** @type {Float64Array} */ problems) => pool.solve(problems),
-    endHelpers: () => pool.end(),
-  };
   try {
     return await session[what](settings, backend, host);
   } finally {
@@ -77,14 +80,14 @@ const commands = {
     if (/\.(bin|txt)$/i.test(list[0].path)) {
       const folder = list[0].path.split("/").slice(0, -1).join("/") || "model";
       const opened = session.openModel(folder, list.map(({ path }) => path), list.map(({ file }) => file));
-      send("snapshot", session.snapshot());
       return { ...opened, report: session.modelReport() };
     }
     const wal = list.find(({ path }) => path.endsWith("-wal"));
     return session.openDatabase(list[0].path, list[0].file, wal?.file);
   },
-  pictures({ entries }) {
+  async pictures({ entries }) {
     for (const { path, file } of /** @type {Entry[]} */ (entries)) session.addPicture(path, file);
+    await session.color(host);
   },
   depths({ entries }) {
     for (const { path, file } of /** @type {Entry[]} */ (entries)) session.addDepth(path, file);

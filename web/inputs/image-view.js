@@ -65,7 +65,7 @@ export function imageView(store, engine, pictures, on) {
   }
 
   async function load() {
-    const { opened, selection, report, placed, phase } = store.state;
+    const { opened, selection, report, placed } = store.state;
     const mine = (asked += 1);
     const image = selection.kind === "image" || selection.kind === "pair" ? selection.image : undefined;
     hide(node, image === undefined || !opened);
@@ -95,7 +95,7 @@ export function imageView(store, engine, pictures, on) {
     reason.className = `reason${is.standing === "missing" ? " bad" : is.standing === "weak" ? " fair" : " hidden"}`;
     reason.textContent = is.standing === "missing" ? `Not placed: ${is.why}.` : `Weak: ${is.why}.`;
     hide(scale, !next.residuals?.some((error) => error >= 0) || next.matches !== null);
-    snap.disabled = !(placed.has(image) && phase !== "opening");
+    snap.disabled = !placed.has(image);
     draw();
   }
 
@@ -136,10 +136,11 @@ export function imageView(store, engine, pictures, on) {
       drawn.otherPicture?.close();
     } }, big);
     // As large as the window holds, in its own shape.
-    const shape = shapeOf(drawn, true);
+    const beside = innerWidth > innerHeight;
+    const shape = shapeOf(drawn, beside);
     big.style.aspectRatio = String(1 / shape);
     big.style.maxWidth = `calc(76vh / ${shape})`;
-    const resized = new ResizeObserver(() => drawImages(big, drawn, true));
+    const resized = new ResizeObserver(() => drawImages(big, drawn, beside));
     resized.observe(big);
     box.show();
   }

@@ -12,7 +12,7 @@ const STATES = /** @type {const} */ ([["all", "all", ""], ["placed", "placed", "
 /**
  * @param {HTMLElement} panel @param {import("../store.js").Store} store @param {import("../engine/client.js").Engine} engine
  * @param {import("./pictures.js").Pictures} pictures
- * @param {{ snap: (image: number) => void, pickFiles: () => void, pickFolder: () => void, sample: () => void }} on
+ * @param {{ snap: (image: number) => void, pickFiles: () => void, pickFolder: () => void, sample: () => void, close: () => void }} on
  */
 export function inputsPanel(panel, store, engine, pictures, on) {
   const { node: head, note } = heading("Inputs");
@@ -27,15 +27,18 @@ export function inputsPanel(panel, store, engine, pictures, on) {
   const content = el("div", { class: "hidden" }, filters, el("div", { class: "block" }, grid.node), view.node, matrix.node);
   const empty = el("p", { class: "quiet" }, "No scene yet. Drop files anywhere on this page, or try the sample: a small scene made for the purpose.");
   const sample = el("button", { type: "button", onclick: on.sample }, "Sample");
+  const close = el("button", { type: "button", title: "Close the scene and give its memory back", onclick: on.close }, "Close");
   const add = el("div", { class: "add" },
     el("button", { type: "button", title: "Choose files (O)", onclick: on.pickFiles }, "Files…"),
-    el("button", { type: "button", onclick: on.pickFolder }, "Folder…"), sample);
+    el("button", { type: "button", onclick: on.pickFolder }, "Folder…"), sample, close);
   panel.append(el("div", { class: "pad" }, head, empty, content), el("div", { class: "actions-bar" }, add));
 
   function summary() {
     const { opened, report, imageFilter } = store.state;
     hide(content, !opened);
     hide(empty, Boolean(opened));
+    hide(sample, Boolean(opened));
+    hide(close, !opened);
     hide(matrix.node, !opened || opened.pairs.length === 0);
     if (!opened) {
       note.textContent = "";

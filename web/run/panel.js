@@ -38,12 +38,11 @@ export function runPanel(panel, store, engine, on) {
 
   /** The main action changes with the state. */
   function actions() {
-    const { phase, opened } = store.state;
+    const { phase, opened, reading } = store.state;
     const canSolve = opened?.kind === "database";
     const focused = footer.contains(document.activeElement);
     /** @type {[string, (() => void)|null]} */
-    const [label, act] = phase === "empty" ? ["Choose files", on.pickFiles]
-      : phase === "opening" ? ["Reading…", null]
+    const [label, act] = phase === "empty" ? (reading ? ["Reading…", null] : ["Choose files", on.pickFiles])
       : phase === "ready" ? (canSolve ? ["Reconstruct", solve] : ["Download model", openExport])
       : phase === "stopping" ? ["Stopping…", null]
       : phase === "done" ? ["Download model", openExport]
@@ -58,7 +57,7 @@ export function runPanel(panel, store, engine, on) {
     second.textContent = going ? "Cancel" : canSolve ? "Solve again" : phase === "done" ? "Refine again" : "Refine";
     second.onclick = going ? on.cancel : solve;
     hide(stages.node, !(going || phase === "stopping" || phase === "done"));
-    hide(advice, going || phase === "stopping" || phase === "opening" || phase === "done");
+    hide(advice, going || phase === "stopping" || phase === "done");
     hide(chosen, !(phase === "empty" || phase === "ready" || phase === "done"));
     if (opened) {
       advice.textContent = canSolve ? `${bytes(opened.bytes)} opened. Solving takes about ${bytes(opened.predictedBytes)} of memory and happens in this tab.`
@@ -91,7 +90,7 @@ export function runPanel(panel, store, engine, on) {
   }
   setInterval(tick, 500);
 
-  store.on(["phase", "opened", "report"], actions);
+  store.on(["phase", "opened", "report", "reading"], actions);
   store.on(["opened"], () => {
     note.textContent = "";
     stages.reset();

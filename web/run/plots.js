@@ -11,13 +11,28 @@ const PACE_MS = 200;
 /** Iterations drawn: beyond, every other one goes. */
 const MAX_ITERATIONS = 1200;
 
+/** More would run into one another. */
+const MOST_MARKS = 4;
 const FONT = "11px ui-sans-serif, system-ui, sans-serif";
 
 /** @param {Record<string, any>} [more] */
 const axis = (more = {}) => ({ stroke: token("--quiet"), grid: { stroke: token("--line"), width: 1 }, ticks: { show: false }, font: FONT, size: 22, gap: 4, ...more });
 /** Values are logarithms to base ten. */
 const powers = (/** @type {unknown} */ _, /** @type {number[]} */ values) => values.map((v) => short(10 ** v));
-const STEPS = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10];
+/** Steps between marks of images and iterations, which are whole. */
+const COUNTS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000];
+/** Marks of a logarithmic axis: whole powers, else 1, 2 and 5 times them, else the ends of a range too narrow for these. */
+const marks = (/** @type {unknown} */ _, /** @type {unknown} */ __, /** @type {number} */ low, /** @type {number} */ high) => {
+  const within = [];
+  for (let power = Math.floor(low); power <= high; power += 1) {
+    for (const at of [0, Math.log10(2), Math.log10(5)]) if (power + at >= low && power + at <= high) within.push(power + at);
+  }
+  const whole = within.filter(Number.isInteger);
+  const found = whole.length > 1 ? whole : within;
+  const step = Math.ceil(found.length / MOST_MARKS);
+  const inset = 0.06 * (high - low);
+  return found.length > 1 ? found.filter((_, k) => k % step === 0) : [low + inset, high - inset];
+};
 
 /** One plot in its block. */
 class Plot {
@@ -78,7 +93,7 @@ export function plots(store, select) {
   const cost = new Plot("Cost", "", () => ({
     cursor: { y: false, points: { show: false } },
     scales: { x: { time: false }, y: {}, damping: {} },
-    axes: [axis(), axis({ size: 42, values: powers, incrs: STEPS, space: 26 }), axis({ scale: "damping", side: 1, size: 42, values: powers, incrs: STEPS, space: 40, grid: { show: false } })],
+    axes: [axis({ incrs: COUNTS }), axis({ size: 42, values: powers, splits: marks }), axis({ scale: "damping", side: 1, size: 42, values: powers, splits: marks, grid: { show: false } })],
     series: [{}, { label: "cost", stroke: token("--accent"), width: 1.8, points: { show: false } },
       { label: "damping", scale: "damping", stroke: token("--fair"), width: 1, dash: [3, 3], points: { show: false } }],
   }), "Cost and damping of every iteration of the stage that runs, on logarithmic axes");
@@ -92,7 +107,7 @@ export function plots(store, select) {
   const images = new Plot("Per image", "mean px, click to open", () => ({
     cursor: { y: false, points: { show: false } },
     scales: { x: { time: false, range: (/** @type {unknown} */ _, /** @type {number} */ low, /** @type {number} */ high) => [low - 0.5, high + 0.5] }, y: { range: (/** @type {unknown} */ _, /** @type {number} */ __, /** @type {number} */ high) => [0, high > 0 ? high * 1.05 : 1] } },
-    axes: [axis({ incrs: [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000] }), axis({ size: 42, space: 26 })],
+    axes: [axis({ incrs: COUNTS }), axis({ size: 42, space: 26 })],
     series: [{}, { label: "px", ...bars("--quiet") }, { label: "selected", ...bars("--accent") }],
     hooks: { ready: [(/** @type {uPlot} */ chart) => chart.over.addEventListener("click", () => {
       const at = chart.cursor.idx;

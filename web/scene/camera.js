@@ -18,6 +18,8 @@ export class Camera {
     this.distance = 5;
     this.extent = 1;
     this.orthographic = false;
+    /** Share of the picture's height that something covers from below: the scene keeps to what is above. */
+    this.covered = 0;
     /** @type {{from: Camera, to: {target: Vec3, forward: Vec3, distance: number}, start: number}|null} */
     this.gliding = null;
   }
@@ -75,7 +77,7 @@ export class Camera {
     this.extent = frame.radius;
     this.forward = frame.forward;
     this.target = frame.center;
-    this.distance = distanceOf(frame, aspect, Math.tan(FOV_Y / 2));
+    this.distance = distanceOf(frame, aspect / (1 - this.covered), Math.tan(FOV_Y / 2) * (1 - this.covered));
   }
 
   /**
@@ -123,6 +125,9 @@ export class Camera {
     const projection = this.orthographic
       ? orthographic(this.distance * Math.tan(FOV_Y / 2), aspect, -far, far)
       : perspective(FOV_Y, aspect, near, far);
-    return product(projection, viewMatrix(eye, this.forward, this.up));
+    const clip = product(projection, viewMatrix(eye, this.forward, this.up));
+    // The middle of the picture moves to the middle of what is not covered.
+    for (let c = 0; c < 4; c += 1) clip[4 * c + 1] += this.covered * clip[4 * c + 3];
+    return clip;
   }
 }

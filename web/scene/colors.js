@@ -51,7 +51,7 @@ export function pointColors(snapshot, by, filter, component, plain) {
   const [low, high] = by === "error" || by === "track" ? range(values) : [0, 1];
   const spread = high - low || 1;
   let shown = 0;
-  const uncolored = UNCOLORED.every((channel, k) => snapshot.colors[k] === channel);
+  const ownColor = (/** @type {number} */ p) => UNCOLORED.every((channel, k) => snapshot.colors[3 * p + k] === channel) ? plain : snapshot.colors.subarray(3 * p, 3 * p + 3);
   for (let p = 0; p < count; p += 1) {
     const kept = snapshot.errors[p] <= filter.maxErrorPx && snapshot.tracks[p] >= filter.minTrack
       && (component === null || snapshot.pointComponent[p] === component);
@@ -59,7 +59,7 @@ export function pointColors(snapshot, by, filter, component, plain) {
     shown += 1;
     // Not known yet: neither good nor bad.
     const unknown = by === "error" && values[p] < 0;
-    const rgb = unknown ? plain : by === "rgb" ? (uncolored ? plain : snapshot.colors.subarray(3 * p, 3 * p + 3))
+    const rgb = unknown ? plain : by === "rgb" ? ownColor(p)
       : by === "component" ? categorical(snapshot.pointComponent[p])
       : ramp((values[p] - low) / spread);
     colors[4 * p] = rgb[0];

@@ -92,8 +92,8 @@ export function frameOf(snapshot) {
 
 /** Shares of points and of cameras that the first view holds: points stray, cameras seldom do. */
 const HELD = { points: 0.95, eyes: 0.98 };
-/** Room for the toolbar and for frusta, which reach beyond their cameras. */
-const MARGIN = 1.18;
+/** Room for frusta, which reach beyond their cameras. */
+const MARGIN = 1.15;
 /** Cameras may push the view back by so much, no more: the scene itself comes first. */
 const MOST_FOR_CAMERAS = 5;
 

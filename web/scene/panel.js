@@ -30,7 +30,9 @@ export function scenePanel(panel, store, engine, pictures, on) {
   const legend = el("div", { class: "legend hidden" });
   const unavailable = el("p", { class: "notice bad hidden" });
 
-  const view = new View(canvas, {
+  const look = (/** @type {Record<string, any>} */ change) => view.send({ type: "look", look: change });
+  const tools = toolbar(store, look, { frame: () => view.send({ type: "frame" }), projection: (orthographic) => view.send({ type: "projection", orthographic }) });
+  const view = new View(canvas, tools.node, {
     shown: (figures) => {
       last = figures;
       describe();
@@ -44,14 +46,12 @@ export function scenePanel(panel, store, engine, pictures, on) {
   });
   /** @type {Shown|null} */
   let last = null;
-  const look = (/** @type {Record<string, any>} */ change) => view.send({ type: "look", look: change });
-  const tools = toolbar(store, look, { frame: () => view.send({ type: "frame" }), projection: (orthographic) => view.send({ type: "projection", orthographic }) });
   const point = inspector(store, engine, pictures, (seenBy) => {
     store.set({ seenBy });
     highlight();
   });
   const cards = startCards(store, { ...on, leave: () => canvas.focus({ preventScroll: true }) });
-  panel.append(canvas, cards.node, facts, legend, unavailable, point.node, tools.node);
+  panel.append(canvas, cards.node, facts, legend, unavailable, point.node, tools.node, cards.reading);
 
   startControls(canvas, view, {
     click: async (x, y) => {

@@ -22,8 +22,9 @@ export function startCards(store, on) {
 
   const what = el("p", {}, "");
   const bar = el("progress", { "aria-label": "Loading" });
-  const reading = el("div", { class: "card reading", role: "status" }, what, bar,
-    el("button", { type: "button", onclick: on.giveUp }, "Cancel"));
+  // Apart: a scene that is there stays in sight and in use.
+  const reading = el("div", { class: "start over hidden" }, el("div", { class: "card reading", role: "status" }, what, bar,
+    el("button", { type: "button", onclick: on.giveUp }, "Cancel")));
 
   const name = el("h2", {}, "");
   const facts = el("dl", { class: "facts-list" });
@@ -31,25 +32,30 @@ export function startCards(store, on) {
   const solveNow = el("button", { type: "button", class: "main", onclick: on.solve }, "Reconstruct now");
   const ready = el("div", { class: "card ready" }, name, facts, el("div", { class: "card-actions" }, solveNow), hint);
   const ring = el("canvas", { class: "ring", "aria-hidden": "true" });
-  const node = el("div", { class: "start" }, ring, drop, reading, ready);
+  const node = el("div", { class: "start" }, ring, drop, ready);
 
   /** The focus was in a card that is gone meanwhile. */
   let cameFrom = false;
   function update() {
-    const { phase, opened, pictures, depths, placed } = store.state;
+    const { phase, reading: isReading, opened, pictures, depths, placed } = store.state;
     const waits = phase === "ready" && opened?.kind === "database";
     // Until the first cameras have a place, what is known of the scene is who matches whom.
     const matching = placed.size === 0 && (phase === "running" || phase === "paused");
-    const focused = node.contains(document.activeElement);
-    hide(drop, !(phase === "empty"));
-    hide(reading, phase !== "opening");
-    if (focused && phase === "opening") cameFrom = true;
-    if (phase === "empty") cameFrom = false;
-    hide(ready, !waits);
+    const focused = node.contains(document.activeElement) || reading.contains(document.activeElement);
+    hide(drop, phase !== "empty" || isReading);
+    hide(reading, !isReading);
+    if (focused && isReading) cameFrom = true;
+    if (phase === "empty" && !isReading) cameFrom = false;
+    hide(ready, !waits || isReading);
     hide(ring, !(waits || matching));
-    hide(node, !(phase === "empty" || phase === "opening" || waits || matching));
+    hide(node, !((phase === "empty" && !isReading) || waits || matching));
     if (matching) draw();
-    if (focused && phase !== "opening" && !waits) on.leave();
+    if (isReading) {
+      // Where the panels are stacked it may be out of sight.
+      reading.scrollIntoView({ block: "nearest" });
+      return;
+    }
+    if (focused && !waits) on.leave();
     if (!waits || !opened) return;
     // Whoever came here by keyboard goes on from here.
     if (focused || cameFrom) solveNow.focus({ preventScroll: true });
@@ -101,11 +107,11 @@ export function startCards(store, on) {
     }
   });
 
-  store.on(["phase", "opened", "pictures", "depths", "placed"], update);
+  store.on(["phase", "reading", "opened", "pictures", "depths", "placed"], update);
   new ResizeObserver(draw).observe(ring);
   update();
   return {
-    node, redraw: draw,
+    node, reading, redraw: draw,
     /** @param {string} text @param {number} [done] @param {number} [total] */
     progress(text, done, total) {
       what.textContent = text;

@@ -4,11 +4,12 @@ import { policedWorker } from "../engine/client.js";
 
 export class View {
   /**
-   * @param {HTMLCanvasElement} canvas
+   * @param {HTMLCanvasElement} canvas @param {HTMLElement} cover what lies over its lower end
    * @param {{ shown: (figures: import("./panel.js").Shown) => void, unavailable: (message: string) => void }} told
    */
-  constructor(canvas, told) {
+  constructor(canvas, cover, told) {
     this.canvas = canvas;
+    this.cover = cover;
     this.generation = 0;
     this.worker = policedWorker("./scene-worker.js");
     /** @type {Map<number, (hit: {point: number|null, image: number|null}) => void>} */
@@ -25,13 +26,18 @@ export class View {
     };
     const offscreen = canvas.transferControlToOffscreen();
     this.worker.postMessage({ type: "start", canvas: offscreen }, [offscreen]);
-    new ResizeObserver(() => this.resize()).observe(canvas);
+    const resized = new ResizeObserver(() => this.resize());
+    resized.observe(canvas);
+    resized.observe(cover);
     this.resize();
   }
 
   resize() {
-    const { width, height } = this.canvas.getBoundingClientRect();
-    this.send({ type: "resize", width, height, ratio: Math.min(devicePixelRatio || 1, 2) });
+    const { width, height, bottom } = this.canvas.getBoundingClientRect();
+    const cover = this.cover.getBoundingClientRect();
+    const coveredPx = cover.height > 0 ? bottom - cover.top : 0;
+    this.cover.parentElement?.style.setProperty("--covered", `${coveredPx}px`);
+    this.send({ type: "resize", width, height, coveredPx, ratio: Math.min(devicePixelRatio || 1, 2) });
   }
 
   /** @param {any} message @param {Transferable[]} [transfer] */

@@ -11,6 +11,9 @@ import { histogram } from "./summary.js";
 
 /** Few points are drawn large, many small: px at most so many points. */
 const SIZES = /** @type {const} */ ([[2_000, 4.5], [15_000, 3.2], [80_000, 2.4], [Infinity, 1.7]]);
+/** In a narrow picture the same points stand closer together: CSS px of width from which on the sizes hold, and the least share of them. */
+const FULL_WIDTH_PX = 640;
+const LEAST_SIZE = 0.6;
 /** Figures for the page, ms apart at least while solving. */
 const FIGURES_MS = 200;
 
@@ -130,7 +133,7 @@ function sizes() {
   if (!renderer) return;
   const numPoints = (snapshot?.positions.length ?? 0) / 3;
   const px = SIZES.find(([most]) => numPoints <= most)?.[1] ?? 2;
-  renderer.pointSize = px * look.pointScale * size.ratio;
+  renderer.pointSize = px * Math.min(1, Math.max(LEAST_SIZE, size.width / FULL_WIDTH_PX)) * look.pointScale * size.ratio;
   renderer.frustumSize = (frame?.spacing ?? 1) * look.frustumScale;
 }
 
@@ -165,8 +168,9 @@ const commands = {
       if (snapshot) show(snapshot);
     });
   },
-  resize({ width, height, ratio }) {
+  resize({ width, height, ratio, coveredPx }) {
     size = { width, height, ratio };
+    camera.covered = Math.min(coveredPx / Math.max(height, 1), 0.5);
     if (!renderer) return;
     renderer.canvas.width = Math.max(1, Math.round(width * ratio));
     renderer.canvas.height = Math.max(1, Math.round(height * ratio));

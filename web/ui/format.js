@@ -8,9 +8,10 @@ export const count = (n) => whole.format(n).replaceAll(",", "\u202f");
 /** "1 image", "3 images". @param {number} n @param {string} one @param {string} [many] */
 export const plural = (n, one, many = `${one}s`) => `${count(n)} ${n === 1 ? one : many}`;
 
-/** 0.08 → "80 ms", 8.04 → "8.0 s", 75 → "1:15". @param {number} seconds */
+/** 0.0001 → "< 1 ms", 0.08 → "80 ms", 8.04 → "8.0 s", 75 → "1:15". @param {number} seconds */
 export function duration(seconds) {
   if (!Number.isFinite(seconds)) return "";
+  if (seconds < 0.0005) return "< 1 ms";
   if (seconds < 0.0995) return `${Math.round(seconds * 1000)} ms`;
   if (seconds < 59.95) return `${seconds.toFixed(1)} s`;
   const s = Math.round(seconds);

@@ -16,5 +16,7 @@ export function startProblems(panel, store) {
       el("div", {}, el("b", {}, problem.file), `: ${problem.message}.`, problem.hint && el("p", {}, `${problem.hint[0].toUpperCase()}${problem.hint.slice(1)}.`)),
       el("button", { type: "button", class: "icon", "aria-label": `Dismiss: ${problem.file}`, onclick: () => store.set({ problems: store.state.problems.filter((other) => other !== problem) }) }, "×"))),
     ...(rest > 0 ? [el("div", { class: "notice bad" }, `and ${rest} more in the log`)] : []));
+    // Where the panels are stacked the scene may be out of sight.
+    if (problems.length > 0) list.scrollIntoView({ block: "nearest" });
   });
 }

@@ -25,7 +25,9 @@ function isTaken({ target, key }) {
 export function startShortcuts() {
   addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || isTaken(event)) return;
-    const hit = registry.find((shortcut) => shortcut.keys.includes(event.key));
+    // Capitals are the same keys.
+    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+    const hit = registry.find((shortcut) => shortcut.keys.includes(key));
     if (!hit) return;
     event.preventDefault();
     hit.run(event);
@@ -34,7 +36,7 @@ export function startShortcuts() {
 
 export function showShortcuts() {
   const rows = registry.map(({ keys, what }) =>
-    el("tr", {}, el("td", {}, ...keys.flatMap((key, k) => [k > 0 ? " " : "", el("kbd", {}, key === " " ? "space" : key)])), el("td", {}, what)));
+    el("tr", {}, el("td", {}, ...keys.flatMap((key, k) => [k > 0 ? " " : "", el("kbd", {}, key === " " ? "space" : key.length === 1 ? key.toUpperCase() : key)])), el("td", {}, what)));
   const mouse = [["drag", "orbit"], ["right drag, two fingers", "pan"], ["wheel, pinch", "zoom"], ["click", "select a point or a camera"], ["double click", "fly to it"], ["arrow keys", "orbit, when the scene has the focus"], ["W A S D Q E", "fly, when the scene has the focus"], ["+ −", "zoom, when the scene has the focus"]]
     .map(([key, what]) => el("tr", {}, el("td", {}, key), el("td", {}, what)));
   dialog({ title: "Shortcuts" }, el("table", { class: "shortcuts" }, el("tbody", {}, ...rows, ...mouse))).show();

@@ -124,6 +124,9 @@ pub trait Observer {
         false
     }
 
+    /// Told after a wait for a device in which a wish to stop would have been acted on at once.
+    fn heard(&mut self) {}
+
     /// The component at hand after a solve or a pass, to be drawn. `complete`: it will not change any more.
     fn snapshot(&mut self, _component: &Component, _complete: bool) {}
 

@@ -372,6 +372,10 @@ impl Observer for Recorder<'_> {
         self.inner.interrupts()
     }
 
+    fn heard(&mut self) {
+        self.inner.heard();
+    }
+
     fn snapshot(&mut self, component: &Component, complete: bool) {
         self.inner.snapshot(component, complete);
     }

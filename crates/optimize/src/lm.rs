@@ -182,6 +182,8 @@ pub trait Observer {
     fn interrupts(&self) -> bool {
         false
     }
+    /// Told after a wait for a device in which a wish to stop would have been acted on at once.
+    fn heard(&mut self) {}
     /// Asked between the parts of an iteration; what it gives is awaited before the next.
     fn breathe(&mut self) -> Option<Breath> {
         None

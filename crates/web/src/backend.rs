@@ -2,7 +2,7 @@
 
 use epipole_optimize::Engine;
 use epipole_optimize::engine::{DeviceEngine, MIN_OBSERVATIONS, Policy};
-use epipole_optimize::gpu::Limits;
+use epipole_optimize::gpu::{GpuError, Limits};
 use serde::Serialize;
 
 use crate::error::Failure;
@@ -29,7 +29,7 @@ pub(crate) async fn choose(backend: &str, keypoints: usize) -> Result<Chosen, Fa
         "gpu" => {
             let engine = DeviceEngine::open(Limits::Adapter, Policy::default())
                 .await
-                .map_err(|e| Failure::new("WebGPU", e, "choose the processor, or let Epipole choose"))?;
+                .map_err(|e| Failure::new("WebGPU", refusal(&e), "choose the processor, or let Epipole choose"))?;
             Ok(device(engine, "as chosen"))
         }
         "auto" if keypoints < MIN_OBSERVATIONS => {
@@ -38,7 +38,7 @@ pub(crate) async fn choose(backend: &str, keypoints: usize) -> Result<Chosen, Fa
         "auto" => {
             let policy = Policy { min_observations: MIN_OBSERVATIONS, ..Policy::default() };
             Ok(match DeviceEngine::open(Limits::Adapter, policy).await {
-                Err(error) => processor(error.to_string()),
+                Err(error) => processor(refusal(&error)),
                 Ok(engine) if is_software(&engine) => processor(format!(
                     "the only adapter is {}, which computes on the same processor in a slower way",
                     Engine::Gpu(engine).description()
@@ -47,6 +47,14 @@ pub(crate) async fn choose(backend: &str, keypoints: usize) -> Result<Chosen, Fa
             })
         }
         other => Err(Failure::new("settings", format!("there is no backend {other:?}"), "write auto, gpu or cpu")),
+    }
+}
+
+/// In a tab there is no driver to install.
+fn refusal(error: &GpuError) -> String {
+    match error {
+        GpuError::NoAdapter { .. } => "this browser offers no WebGPU adapter".into(),
+        error => error.to_string(),
     }
 }
 

@@ -7,6 +7,7 @@
 mod answers;
 mod backend;
 mod bytes;
+mod color;
 mod control;
 mod deafness;
 mod depths;

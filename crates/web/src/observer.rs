@@ -8,6 +8,7 @@ use wasm_bindgen_futures::JsFuture;
 use crate::control::{Wish, Wishes};
 use crate::deafness::Deafness;
 use crate::host::Host;
+use crate::session::to_js;
 use crate::snapshot::Arrays;
 
 /// Pictures a second at most: more cannot be told apart, and each is copied.
@@ -70,7 +71,7 @@ impl Observer for TabObserver {
             }
             self.last_progress = now;
         }
-        if let Ok(value) = serde_wasm_bindgen::to_value(event) {
+        if let Ok(value) = to_js(event) {
             self.send("event", &value);
         }
     }
@@ -82,6 +83,10 @@ impl Observer for TabObserver {
     /// Within 200 ms (issue 5), also where a step of the solve takes seconds.
     fn interrupts(&self) -> bool {
         true
+    }
+
+    fn heard(&mut self) {
+        self.deafness.resume();
     }
 
     fn now_seconds(&self) -> f64 {

@@ -22,7 +22,7 @@ pub(crate) struct Arrays {
     camera_errors: Vec<f32>,
 }
 
-/// The colour of points before the photographs have been read.
+/// The colour of points that no photograph has coloured.
 const UNCOLORED: [u8; 3] = [190, 196, 206];
 
 impl Arrays {
@@ -78,10 +78,9 @@ impl Arrays {
         mut error_px: impl FnMut(&Point) -> f32,
     ) {
         let number = number.min(usize::from(u16::MAX)) as u16;
-        let colored = reconstruction.points.iter().any(|point| point.rgb != [0; 3]);
         for point in &reconstruction.points {
             self.positions.extend(point.position.as_vec3().to_array());
-            self.colors.extend(if colored { point.rgb } else { UNCOLORED });
+            self.colors.extend(if point.rgb == [0; 3] { UNCOLORED } else { point.rgb });
             self.errors.push(error_px(point));
             self.tracks.push(point.observations.len().min(usize::from(u16::MAX)) as u16);
             self.point_component.push(number);

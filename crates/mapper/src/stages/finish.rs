@@ -173,7 +173,7 @@ fn update_errors(reconstruction: &mut Reconstruction) {
 
 /// Gives every point the mean colour of its keypoints, one image in memory at a time. Returns the numbers of coloured
 /// points and of missing images.
-async fn color(
+pub async fn color(
     reconstruction: &mut Reconstruction,
     source: &mut dyn ImageSource,
     observer: &mut dyn Observer,
@@ -216,8 +216,8 @@ async fn color(
         let more = if missing.len() > LISTED_NAMES { ", …" } else { "" };
         observer.event(&Event::Warning {
             message: format!(
-                "{} of {total} images could not be read for colours ({names}{more}): give --images the folder in which \
-                 '{first}' lies",
+                "{} of {total} images could not be read for colours ({names}{more}): add the folder in which '{first}' \
+                 lies (on the command line --images)",
                 missing.len()
             ),
         });

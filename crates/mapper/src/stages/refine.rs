@@ -210,6 +210,10 @@ impl epipole_optimize::lm::Observer for Forward<'_> {
         self.observer.interrupts()
     }
 
+    fn heard(&mut self) {
+        self.observer.heard();
+    }
+
     fn breathe(&mut self) -> Option<Breath> {
         self.observer.breathe()
     }

@@ -200,6 +200,10 @@ impl Observer for Later<'_> {
         self.observer.interrupts()
     }
 
+    fn heard(&mut self) {
+        self.observer.heard();
+    }
+
     fn breathe(&mut self) -> Option<Breath> {
         self.observer.breathe()
     }

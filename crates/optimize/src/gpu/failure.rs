@@ -62,6 +62,10 @@ impl Observer for Guard<'_> {
         self.inner.interrupts()
     }
 
+    fn heard(&mut self) {
+        self.inner.heard();
+    }
+
     fn should_stop(&self) -> bool {
         self.failure.get().is_some() || self.inner.should_stop()
     }

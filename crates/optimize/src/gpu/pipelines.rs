@@ -7,7 +7,9 @@ use super::device::Device;
 use super::error::GpuError;
 use super::kernels::{Access, Kernel};
 use super::timer::{Stamp, Timer};
+use super::turns::Halt;
 use super::variant::Variant;
+use crate::lm::{Observer, breath};
 
 /// WebGPU's default limit of workgroups along one dimension.
 const MAX_GROUPS: u64 = 65_535;
@@ -76,6 +78,33 @@ impl Pipelines {
             }
         }
         Ok(Self { compiled })
+    }
+
+    /// Compiles ahead of [`Self::for_variant`], a kernel at a time with a breath after each: in a browser all of them take a
+    /// second or, on a software adapter, ten, and nothing else is done meanwhile. Does nothing where nobody interrupts.
+    pub(crate) async fn prepare(
+        device: &Device,
+        kernels: &[Kernel],
+        variant: Variant,
+        observer: &mut dyn Observer,
+    ) -> Result<(), Halt> {
+        let compiled = || device.pipelines.0.lock().unwrap_or_else(PoisonError::into_inner).len();
+        for kernel in kernels {
+            if !observer.interrupts() {
+                return Ok(());
+            }
+            let before = compiled();
+            Self::for_variant(device, std::slice::from_ref(kernel), variant)?;
+            if compiled() == before {
+                continue;
+            }
+            device.settle(observer).await?;
+            breath(observer).await;
+            if observer.should_stop() {
+                return Err(Halt::Stopped);
+            }
+        }
+        Ok(())
     }
 
     /// Binds whole buffers in the order of the kernel's table row. The kernel must be among those that were compiled.

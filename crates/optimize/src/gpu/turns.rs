@@ -71,7 +71,7 @@ impl Turns {
         self.work.set(0);
         self.taken.set(self.taken.get() + 1);
         device.submit(std::mem::replace(encoder, device.encoder()));
-        device.settle().await?;
+        device.settle(observer).await?;
         breath(observer).await;
         Ok(())
     }
@@ -90,8 +90,9 @@ impl Turns {
 }
 
 impl Device {
-    /// Waits until everything that was submitted is done.
-    pub(crate) async fn settle(&self) -> Result<(), GpuError> {
+    /// Waits until everything that was submitted is done; no longer than until the observer wants to stop, as long as that may be:
+    /// a browser compiles a kernel when it first runs.
+    pub(crate) async fn settle(&self, observer: &mut dyn Observer) -> Result<(), GpuError> {
         #[derive(Default)]
         struct Done {
             is_done: bool,
@@ -109,13 +110,14 @@ impl Device {
         self.wait()?;
         std::future::poll_fn(|context| {
             let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
-            if done.is_done {
+            if done.is_done || observer.should_stop() {
                 return Poll::Ready(());
             }
             done.waker = Some(context.waker().clone());
             Poll::Pending
         })
         .await;
+        observer.heard();
         self.check()
     }
 }

@@ -34,8 +34,8 @@ pub use system::GpuSystem;
 use super::options::Options;
 use super::problem::Problem;
 use crate::error::OptimizeError;
-use crate::gpu::{Device, Guard};
-use crate::lm::{LmReport, Observer, minimize};
+use crate::gpu::{Device, Guard, Halt, Pipelines, kernels};
+use crate::lm::{LmOptions, LmReport, Observer, Termination, breath, minimize};
 
 /// Solves on a GPU. The problem is left at the last accepted state, with its cost evaluated in `f64`.
 ///
@@ -61,7 +61,13 @@ pub async fn solve_with(
     residency: &Residency,
     observer: &mut dyn Observer,
 ) -> Result<LmReport, OptimizeError> {
+    problem.validate()?;
+    match Pipelines::prepare(device, kernels::BUNDLE, sizes::variant(problem), observer).await {
+        Err(Halt::Stopped) => return unmoved(problem, options, observer).await,
+        prepared => prepared?,
+    }
     let mut system = GpuSystem::with_residency(device, problem, options, residency)?;
+    breath(observer).await;
     let failure = system.failure();
     let mut guard = Guard { inner: observer, failure: failure.clone() };
     let mut report = minimize(&mut system, &options.lm, &mut guard).await;
@@ -74,4 +80,15 @@ pub async fn solve_with(
         Err(error) => return Err(OptimizeError::Interrupted { error, kept: system.rescue(problem) }),
     }
     Ok(report)
+}
+
+/// The report of a solve that was stopped before it began.
+async fn unmoved(
+    problem: &mut Problem,
+    options: &Options,
+    observer: &mut dyn Observer,
+) -> Result<LmReport, OptimizeError> {
+    let lm = LmOptions { max_iterations: 0, ..options.lm };
+    let report = super::solve_async::<f64>(problem, &Options { lm, ..*options }, observer).await?;
+    Ok(LmReport { termination: Termination::Stopped, ..report })
 }

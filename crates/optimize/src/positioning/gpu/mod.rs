@@ -23,8 +23,9 @@ use super::problem::Problem;
 use super::report::Report;
 use super::solve::{finish, solve_on};
 use crate::error::OptimizeError;
-use crate::gpu::Device;
-use crate::lm::Observer;
+use crate::gpu::kernels::positioning::POSITIONING;
+use crate::gpu::{Device, Pipelines, Variant};
+use crate::lm::{Observer, breath};
 use chunks::CHUNK_OBSERVATIONS;
 use processor::Gpu;
 
@@ -52,7 +53,9 @@ async fn solve_in_chunks(
     chunk_observations: usize,
 ) -> Result<Report, OptimizeError> {
     problem.validate()?;
+    Pipelines::prepare(device, POSITIONING, Variant::default(), observer).await?;
     let layout = Layout::new(problem, None)?;
+    breath(observer).await;
     let rays = Rays::<f32>::new(problem, &layout);
     let mut gpu = Gpu::new(device, &layout, &rays, chunk_observations)?;
     let (outcome, positions) = solve_on(&mut gpu, &layout, &rays, options, observer).await?;
