@@ -1,10 +1,10 @@
 // What a scene takes from the machine comes back when it goes: measured at the browser's processes, not by the page itself.
 
 import assert from "node:assert/strict";
-import { readFileSync } from "node:fs";
+import { readFileSync, rmSync } from "node:fs";
 import { join } from "node:path";
 import { test } from "node:test";
-import { button, fixtures, open, openScene, phase, reconstruct, synth } from "./page.mjs";
+import { button, fixtures, large, open, openScene, out, panel, phase, reconstruct, refusal, synth } from "./page.mjs";
 
 /** Of what a solved scene took, so much is given back at least: allocators keep some of their pages for the next. */
 const RETURNED = 0.6;
@@ -76,5 +76,28 @@ test("memory comes back when a scene is closed or replaced", { timeout: 240_000 
     assert.deepEqual(complaints, []);
   } finally {
     await browser.close();
+  }
+});
+
+test("a scene that cannot fit is refused with the figure before it is solved", { timeout: 120_000 }, async () => {
+  const path = join(out, "too-many-matches.db");
+  // 19 million matches at 200 bytes each: more than the 3.6 GB that a tab has.
+  large(path, 150_000_000, true);
+  const { browser, page, complaints } = await open();
+  try {
+    await openScene(page, [path]);
+    assert.match(await panel(page, "Run"), /takes about 3\.[78] GB of memory/);
+    await page.getByRole("region", { name: "Run" }).getByRole("button", { name: "Reconstruct" }).click();
+    const said = await refusal(page);
+    console.log(said.replaceAll("\n", " "));
+    assert.match(said, /too-many-matches\.db.*3\.[78] GB of memory and a tab has 3\.6 GB.*\n.*command line/s);
+    await phase(page, ["ready"]);
+    await openScene(page, [orbit]);
+    await reconstruct(page, 30_000);
+    assert.match(await panel(page, "Run"), /18 of 18 images placed/);
+    assert.deepEqual(complaints, []);
+  } finally {
+    await browser.close();
+    rmSync(path, { force: true });
   }
 });

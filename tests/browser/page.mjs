@@ -47,7 +47,7 @@ export async function open({ gpu = false, width = 1440, height = 880, theme = "d
     page.on("pageerror", (error) => complaints.push(String(error)));
     await page.addInitScript(watch);
     if (gpu === "missing") {
-      await page.route("**/web/engine/worker.js", async (route) => {
+      await page.route("**/web/engine-worker.js", async (route) => {
         const response = await route.fetch();
         await route.fulfill({ response, body: `delete WorkerNavigator.prototype.gpu;\n${await response.text()}` });
       });
@@ -237,9 +237,9 @@ export function synth(name, options) {
   return folder;
 }
 
-/** A database of so many bytes. @param {string} path @param {number} bytes */
-export function large(path, bytes) {
-  execFileSync(need("EPIPOLE_FIXTURES"), ["large", "--bytes", String(bytes), "--output", path], { stdio: "ignore" });
+/** A database of so many bytes, of what nobody reads or of matches. @param {string} path @param {number} bytes @param {boolean} [matches] */
+export function large(path, bytes, matches = false) {
+  execFileSync(need("EPIPOLE_FIXTURES"), ["large", "--bytes", String(bytes), ...(matches ? ["--matches"] : []), "--output", path], { stdio: "ignore" });
 }
 
 /** The command line's own run of a database, made anew; returns the model. @param {string} database @param {string} name */

@@ -96,19 +96,34 @@ pub enum LargeError {
     Io(PathBuf, std::io::Error),
 }
 
-/// Writes the fixture's database with descriptors for its keypoints, which make real databases large and which nobody
-/// reads: so many that the file has at least `bytes`.
+/// What a database is large of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bulk {
+    /// Descriptors of keypoints, which make real databases large and which nobody reads.
+    Descriptors,
+    /// Verified matches, which a solve has to hold: the same one again and again.
+    Matches,
+}
+
+/// Writes the fixture's database with so much of something that the file has at least `bytes`.
 ///
 /// # Errors
 /// Whatever the file system or SQLite refuses.
-pub fn write_large(path: &Path, bytes: u64) -> Result<(), LargeError> {
+pub fn write_large(path: &Path, bulk: Bulk, bytes: u64) -> Result<(), LargeError> {
     std::fs::copy(folder().join("orbit/database.db"), path).map_err(|e| LargeError::Io(path.to_owned(), e))?;
     let write = || -> rusqlite::Result<()> {
         let connection = rusqlite::Connection::open(path)?;
         connection.execute_batch("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF; DELETE FROM descriptors")?;
-        let rows = bytes / 128 / orbit().num_images as u64 + 1;
-        let fill = "INSERT INTO descriptors SELECT image_id, 0, ?1, 128, zeroblob(128 * ?1) FROM images";
-        connection.execute(fill, [rows as i64])?;
+        let (row_bytes, table, fill) = match bulk {
+            Bulk::Descriptors => {
+                (128, "images", "INSERT INTO descriptors SELECT image_id, 0, ?1, 128, zeroblob(128 * ?1) FROM images")
+            }
+            Bulk::Matches => {
+                (8, "two_view_geometries", "UPDATE two_view_geometries SET rows = ?1, data = zeroblob(8 * ?1)")
+            }
+        };
+        let count: i64 = connection.query_row(&format!("SELECT count(*) FROM {table}"), [], |row| row.get(0))?;
+        connection.execute(fill, [bytes as i64 / row_bytes / count.max(1) + 1])?;
         Ok(())
     };
     write().map_err(|e| LargeError::Sql(path.to_owned(), e))

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 use epipole_geometry::camera::CameraModel;
 use epipole_scene::statistics::Statistics;
+use epipole_tests::fixtures::Bulk;
 use epipole_tests::synth::{
     BalPerturbation, DepthModel, FocalKnowledge, Kind, MapFiles, MapFormat, Options, Scene, StoredPoses, generate,
     give_depths, write_bal, write_depth_maps, write_scene,
@@ -30,7 +31,7 @@ enum Command {
         #[arg(long, value_name = "DIR")]
         output: PathBuf,
     },
-    /// The fixture with descriptors beside its keypoints, which is what makes real databases large.
+    /// The fixture with descriptors beside its keypoints, which is what makes real databases large, or with matches.
     Large {
         /// The database.
         #[arg(long, value_name = "FILE")]
@@ -38,6 +39,9 @@ enum Command {
         /// Its size at least.
         #[arg(long)]
         bytes: u64,
+        /// Make it large of verified matches: a scene that asks for memory.
+        #[arg(long)]
+        matches: bool,
     },
     /// Writes the repository's fixtures again.
     Fixtures {
@@ -163,7 +167,10 @@ fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Synth(arguments) => synth(&arguments),
         Command::Damage { output } => damage_all(&output),
-        Command::Large { output, bytes } => fixtures::write_large(&output, bytes).map_err(Into::into),
+        Command::Large { output, bytes, matches } => {
+            let bulk = if matches { Bulk::Matches } else { Bulk::Descriptors };
+            fixtures::write_large(&output, bulk, bytes).map_err(Into::into)
+        }
         Command::Fixtures { output } => fixtures::write_all(&output).map_err(Into::into),
     };
     match result {
