@@ -180,6 +180,7 @@ impl Pending {
     }
 }
 
-fn lost(error: wgpu::BufferAsyncError) -> GpuError {
-    GpuError::Lost { reason: error.to_string() }
+/// wgpu knows no more than that; a browser says why it took a device away only after this.
+fn lost(_: wgpu::BufferAsyncError) -> GpuError {
+    GpuError::Lost { reason: "it no longer answers".into() }
 }

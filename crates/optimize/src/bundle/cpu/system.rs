@@ -55,6 +55,7 @@ pub struct CpuSystem<T: Real, const ROWS: usize = PIXELS> {
     next_points: Vec<Vec3<T>>,
     next_residual: Vec<[T; ROWS]>,
     linearization: Linearization<T, ROWS>,
+    /// `None`: the next solve linearises first.
     normal: Option<CameraNormal>,
     damped: Vec<DampedPoint>,
     solver: ReducedSolver,
@@ -223,6 +224,9 @@ impl<T: Real, const ROWS: usize> System for CpuSystem<T, ROWS> {
     }
 
     async fn solve(&mut self, lambda: f64, observer: &mut dyn Observer) -> Option<Step> {
+        if self.normal.is_none() {
+            self.linearize(observer).await;
+        }
         let normal = self.normal.as_ref()?;
         let (structure, linearization) = (&self.structure, &self.linearization);
         damp_points(linearization, lambda, &mut self.damped);
@@ -282,7 +286,7 @@ impl<T: Real, const ROWS: usize> System for CpuSystem<T, ROWS> {
         if self.radial_floor < 1.0 && !self.losses.is_squared() {
             // Not the damping but the curvature was too small: weights alone give a good step at once.
             self.radial_floor = 1.0;
-            self.linearize(&mut ()).await;
+            self.normal = None;
         }
     }
 

@@ -32,6 +32,7 @@ const WORK_PER_SUBMIT: usize = 40_000_000;
 /// not, this many more are queued: those after the stop are empty dispatches, cheaper than to ask again.
 const SPARE_ITERATIONS: usize = 4;
 const MORE_ITERATIONS: usize = 100;
+/// Kernels of a PCG iteration.
 const KERNELS_PER_ITERATION: usize = 3;
 /// Bytes that an observation moves in a product, and products that a step is worth beside those of PCG
 /// (source: `solver.md` §6).
