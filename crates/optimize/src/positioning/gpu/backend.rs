@@ -18,7 +18,7 @@ const STEP_TOLERANCE: f64 = 1e-6;
 impl Backend for Gpu<'_> {
     type Scalar = f32;
 
-    async fn begin(&mut self, objective: Objective, _: &mut dyn Observer) -> Result<f64, OptimizeError> {
+    async fn begin(&mut self, objective: Objective, observer: &mut dyn Observer) -> Result<f64, OptimizeError> {
         match objective {
             Objective::EqualScales { free_scale, huber } => {
                 self.settings.stage = Stage::EqualScales;
@@ -33,7 +33,7 @@ impl Backend for Gpu<'_> {
                 self.settings.delta = delta as f32;
             }
         }
-        Ok(self.linearize().await?.cost)
+        Ok(self.linearize(observer).await?.cost)
     }
 
     async fn solve(&mut self, lambda: f64, observer: &mut dyn Observer) -> Result<Option<ConvexStep>, OptimizeError> {

@@ -162,11 +162,14 @@ impl<'a> Gpu<'a> {
     }
 
     /// Linearises at the accepted positions, and returns the objective there.
-    pub(super) async fn linearize(&mut self) -> Result<Totals, GpuError> {
+    pub(super) async fn linearize(&mut self, observer: &mut dyn Observer) -> Result<Totals, GpuError> {
         self.write_settings();
         let resident = &self.resident;
         let mut encoder = self.device.encoder();
-        resident.record(&mut encoder, &[kernels::LINEARIZE, REDUCE, kernels::SPREAD])?;
+        for kernel in [kernels::LINEARIZE, REDUCE, kernels::SPREAD] {
+            resident.record(&mut encoder, &[kernel])?;
+            self.turns.rest(self.device, &mut encoder, self.layout.camera.len(), observer).await?;
+        }
         let bytes = resident.rows as u64 * ROW_BYTES;
         self.read_back.copy(&mut encoder, &resident.shared.reduced, 0, 0, bytes);
         self.device.submit(encoder);

@@ -29,11 +29,11 @@ impl From<Totals> for Evaluation {
 }
 
 impl System for Projection<'_, '_> {
-    async fn refresh(&mut self, _: &mut dyn Observer) -> Evaluation {
+    async fn refresh(&mut self, observer: &mut dyn Observer) -> Evaluation {
         if let Some(evaluation) = self.evaluation {
             return evaluation;
         }
-        let totals = self.gpu.linearize().await;
+        let totals = self.gpu.linearize(observer).await;
         let evaluation = self.failure.keep(totals).map_or(self.after, Evaluation::from);
         self.linearized = true;
         self.evaluation = Some(evaluation);
